@@ -15,7 +15,7 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges, map_ridges
 from diff3ds.edges.evidence.support import CROWDED
 from diff3ds.edges.measure import fit_ridges
-from diff3ds.edges.measure.fit_ridges import circle_at, fit_to_ridges, shown_of
+from diff3ds.edges.measure.fit_ridges import circle_at, fit_to_ridges, in_plane, shown_of
 
 CAMERAS = around(30, 160)
 U, V, _ = turned(3)
@@ -145,7 +145,7 @@ def test_a_circle_that_stays_in_its_plane_finds_its_centre_and_radius():
     start = Circle(CENTER + PIXEL * (0.4 * U - 0.5 * V), U, V, radius + 0.6 * PIXEL, np.zeros(1))
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     views = ridges(radius)
-    found = circle_at(start, angle, shown_of(start, angle, views), views, 0.0, flat=True)
+    found = circle_at(start, angle, shown_of(start, angle, views), views, 0.0, free=in_plane(start))
     assert abs(found.radius / radius - 1) < 2e-3
     assert np.linalg.norm(found.center - CENTER) < 2e-3 * radius
     assert abs((found.center - CENTER) @ np.cross(U, V)) < 1e-12

@@ -12,7 +12,9 @@ from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.edges.clean.simplify import joined
+from diff3ds.edges.complete.hypothesis import NARROW
 from diff3ds.edges.complete.pockets import with_pockets
+from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.library import member
 
@@ -78,6 +80,17 @@ def test_the_bottom_of_a_square_pocket_is_found():
     assert len(found) == 8
     assert torch.allclose(found.points[:4], square().points, atol=1e-6)
     assert np.abs(sampled(found)[4:] @ TILT - sampled(square()) @ TILT - DOWN).max() < 0.003
+
+
+def test_of_photographs_a_bottom_has_to_be_likelier_than_chance_where_views_look_to_it():
+    views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
+    found = with_pockets(square(), views, 0.0, chance=Chance.of(views, NARROW))
+    assert np.abs(sampled(found)[4:] @ TILT - sampled(square()) @ TILT - DOWN).max() < 0.003
+    # Half of the bottom is enough where edges are sure, and none where they are faint.
+    half = looked_into(rim_of(0), rim_of(-DEPTH)[:2], in_square)
+    assert with_pockets(square(), half, 0.0, chance=Chance.of(half, NARROW)).points.shape == square().points.shape
+    bare = looked_into(rim_of(0), [], in_square)
+    assert len(with_pockets(square(), bare, 0.0, chance=Chance.of(bare, NARROW))) == 4
 
 
 def test_the_bottom_of_a_round_pocket_is_found():

@@ -8,12 +8,15 @@ from edge_scenes import project
 import diff3ds as ds
 from diff3ds.edges.evidence.ridges import (
     BORDER,
+    COLOR_SIGMA,
     Ridges,
     color_ridges,
+    color_tops,
     find_ridges,
     map_ridges,
     narrowed,
     strongest,
+    unshrunk,
     within,
     without_faint,
 )
@@ -173,3 +176,16 @@ def test_broad_lines_are_narrowed_about_their_middles():
     np.testing.assert_allclose(found.points[~first, 0], 66.1, atol=0.1)
     np.testing.assert_allclose(np.median(found.values[first]) / np.median(found.values[~first]), 1 / 0.6, rtol=0.02)
     assert narrowed(ink, 4.0) is ink
+
+
+def test_of_the_strongest_alone_the_pull_is_what_it_is_among_all():
+    rgba = np.ones((64, 64, 4), np.float32)
+    column, row = np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5)
+    rgba[..., :3] = np.where(np.hypot(column - 30, row - 33) < 17, 0.2, 0.9)[..., None]
+    rgba[20:40, 40:60, 1] = 0.5
+    tops, ridges = color_tops(rgba), color_ridges(rgba)
+    strong = strongest([tops], len(tops) // 2)[0]
+    found, expected = unshrunk(strong, COLOR_SIGMA, tops), ridges[np.isin(tops.values, strong.values)]
+    assert np.array_equal(found.points, expected.points)
+    assert np.array_equal(found.pulls, expected.pulls)
+    assert np.abs(found.pulls).max() > 0

@@ -17,9 +17,10 @@ from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.complete.corners import with_corners
-from diff3ds.edges.complete.hypothesis import AGAIN, SHOWN
+from diff3ds.edges.complete.hypothesis import AGAIN, NARROW, SHOWN
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.complete.pockets import with_pockets
+from diff3ds.edges.complete.related_circles import with_related_circles
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.drawn.whole_lines import likelier, likely, whole_lines
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
@@ -70,6 +71,7 @@ MOST_CURVES = 1500
 # [curves; speed] Of photographs fewer, and where there are more only those with ridges of their own: a drawing has no
 # more lines.
 MOST_OF_PHOTOGRAPHS = 500
+NO_BIAS = Bias(0.0, 0.0, 0.0)
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
 CALIBRATED, REFINED, JOINED, FITTED, COMPLETED, DONE = (CALIBRATIONS + k for k in range(2, 8))
@@ -102,7 +104,7 @@ class NoEdgesError(ValueError):
 
 def nothing_yet() -> Result:
     """What is reached before anything is found."""
-    return Result(0, curves_of([]), Bias(0.0, 0.0, 0.0))
+    return Result(0, curves_of([]), NO_BIAS)
 
 
 def reconstruct(
@@ -115,7 +117,7 @@ def reconstruct(
     report: Report = no_report,
     capped: Capped = not_said,
     seed: int = 0,
-    textured: bool = False,
+    faint: Sequence[Ridges] | None = None,
 ) -> Result:
     """The curves that the views show, and the bias found in their ridges.
 
@@ -127,8 +129,9 @@ def reconstruct(
         save: called with the result of every stage.
         report: told how far it is; see `watch`.
         capped: told of what there was too much; see `watch`.
-        textured: the views are photographs, whose texture makes up curves: those that may have come together by chance
-            go, and the rest are drawn as people draw, see `drawn`.
+        faint: of photographs, the ridges with fainter ones, which are asked for what known curves make likely. Texture
+            makes up curves: those that may have come together by chance go, and the rest are drawn as people draw, see
+            `drawn`.
 
     Raises:
         NoEdgesError: the views show no edges that agree.
@@ -138,12 +141,12 @@ def reconstruct(
     if not showing:
         raise NoEdgesError(NOTHING)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
-    scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped, textured)
+    scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped, faint)
     reached = reached or nothing_yet()
     while reached.stage < CALIBRATED:
         reached = _calibrated(scene, sides, start, reached)
         save(reached)
-    scene = replace(scene, ridges=corrected(ridges, sides, reached.bias), outward=reached.bias.outward)
+    scene = replace(scene, ridges=corrected(ridges, sides, reached.bias), bias=reached.bias)
     for after, stage in (
         (CALIBRATED, _refined),
         (REFINED, _joined),
@@ -170,8 +173,16 @@ class _Scene:
     seed: int
     report: Report
     capped: Capped
-    textured: bool = False
-    outward: float = 0.0
+    faint: Sequence[Ridges] | None = None
+    bias: Bias = NO_BIAS
+
+    @property
+    def textured(self) -> bool:
+        return self.faint is not None
+
+    @property
+    def outward(self) -> float:
+        return self.bias.outward
 
     @cached_property
     def views(self) -> EdgeViews:
@@ -180,6 +191,13 @@ class _Scene:
     @cached_property
     def chance(self) -> Chance:
         return Chance.of(self.views)
+
+    @cached_property
+    def faintly(self) -> Chance:
+        """What the views show by chance where fainter ridges count and lines are looked at narrowly."""
+        # Which of faint ones are outlines nothing says.
+        sides = [np.zeros(len(ridge)) for ridge in self.faint or []]
+        return Chance.of(edge_views(self.cameras, corrected(self.faint or [], sides, self.bias)), NARROW)
 
     def likely(self, curves: Curves) -> Curves:
         """The curves, of photographs those that have not come together by chance."""
@@ -269,7 +287,10 @@ def _completed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
 def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     if not scene.textured:
         return curves
-    return whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
+    curves = whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
+    told, tick = scene.faintly, scene.ticks("related circles", len(curves))
+    curves = with_related_circles(curves, told, scene.outward, tick)
+    return with_pockets(curves, told.views, scene.outward, scene.ticks("pockets", len(curves)), told)
 
 
 def first_curves(

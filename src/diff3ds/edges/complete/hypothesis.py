@@ -26,6 +26,12 @@ AGAIN = 0.55
 SAMPLES = 24
 # [px; empirical] So near lies a ridge that shows one of them.
 SEEN = 1.2
+# [px; empirical] Where what is known leaves few numbers of a curve open, faint edges say whether it is there: of all
+# that pictures show, those so near.
+NARROW = 1.2
+# [natural logarithms, fraction; measured] So much they say in the mean along the curve, and for an edge on so much of
+# it. On three generated parts circles that are there had 8.7 and .93 and more but for one of .90, others at most .85.
+TOLD, EVERYWHERE = 7.0, 0.88
 # [px, fraction; empirical] A known curve is a piece of a proposed one if this fraction of its samples lies so near to
 # it.
 PIECE_WITHIN, PIECE_FRACTION = 1.5, 0.8
@@ -61,6 +67,11 @@ def fraction_shown(
 ) -> Float[Array, "*c"]:
     """The fraction of each curve's sample points that at least so many views show."""
     return np.asarray((shown.sum(0) >= min_views).mean(-1))
+
+
+def is_told(told: Float[Array, " S"]) -> bool:
+    """Whether faint edges say enough along a curve of which few numbers are open; evidence, see `Chance`."""
+    return bool(told.mean() > TOLD and (told > 0).mean() >= EVERYWHERE)
 
 
 def pieces_of(

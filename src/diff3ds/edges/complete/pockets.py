@@ -15,8 +15,9 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, sampled
 from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.clean.weld import WITHIN
-from diff3ds.edges.complete.hypothesis import PATH_SPACING, SEEN, Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import PATH_SPACING, SEEN, Hypothesis, fraction_shown, is_told, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
+from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
 from diff3ds.edges.measure.holes import INSIDE, SHALLOWEST
@@ -38,13 +39,18 @@ FEWEST, LOOKED_AT = 2, 0.6
 # what shows it from outside says better how deep it lies.
 THERE = 0.95
 
+Flags = Bool[NDArray[np.bool_], "V S"]
 
-def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
+
+def with_pockets(
+    curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick, chance: Chance | None = None
+) -> Curves:
     """The curves with the bottoms of pockets that the views show, instead of pieces along them.
 
     Args:
         outward: offset of outlines that the detector has, pixels.
         tick: see `watch`.
+        chance: of photographs with faint edges; what the views that look to a bottom show has to be likelier one.
     """
     bottoms: list[Curves] = []
     rims: list[int] = []
@@ -54,7 +60,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
     for done, loop in enumerate(loops):
         tick(done, len(loops))
         for side in (1.0, -1.0):
-            depth = _depth(loop, side, curves, views)
+            depth = _depth(loop, side, curves, views, chance)
             if depth is None:
                 continue
             way = _fitted_way(loop, depth, views, outward)
@@ -75,7 +81,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
     return found
 
 
-def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float | None:
+def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews, chance: Chance | None) -> float | None:
     """How far along its normal the rim appears again, world units; None if it does not."""
     found = []
     for depth in side * views.pixel * np.arange(SHALLOWEST, 2 / views.pixel, STEP):
@@ -84,23 +90,33 @@ def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float |
         seen, looked = _seen(loop, depth, views)
         if not _many(looked):
             break
-        if _confirmed(seen, looked):
-            found.append((float(seen.sum() / looked.sum()), float(depth)))
+        score = _score(loop, float(depth), seen, looked, chance)
+        if score is not None:
+            found.append((score, float(depth)))
     # Where another curve appears in the same place, it explains the ridge.
     for _, depth in sorted(found, key=lambda one: (-one[0], abs(one[1]))):
         clear = ~_beside_others(loop, depth, curves, views)
         seen, looked = (flags & clear for flags in _seen(loop, depth, views))
-        if _many(looked) and _confirmed(seen, looked):
+        if _many(looked) and _score(loop, depth, seen, looked, chance) is not None:
             return depth
     return None
 
 
-def _many(looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
+def _score(loop: Loop, depth: float, seen: Flags, looked: Flags, chance: Chance | None) -> float | None:
+    """How well the views that look at a bottom show it; None if they do not."""
+    if chance is None:
+        return float(seen.sum() / looked.sum()) if _confirmed(seen, looked) else None
+    x, tangents, _ = loop.sample_points(PLACES)
+    told = chance.evidence(x + depth * loop.normal, tangents, looked)
+    return float(told.mean()) if is_told(told) else None
+
+
+def _many(looked: Flags) -> bool:
     """Whether enough views look at most sample points."""
     return bool(fraction_shown(looked, FEWEST) >= LOOKED_AT)
 
 
-def _confirmed(seen: Bool[NDArray[np.bool_], "V S"], looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
+def _confirmed(seen: Flags, looked: Flags) -> bool:
     """Whether the views that look at a bottom show it."""
     min_views = np.maximum(looked.sum(0) / 2, FEWEST)
     return bool(seen.sum() >= SHOWN * looked.sum() and fraction_shown(seen, min_views) >= COVERED)

@@ -78,10 +78,10 @@ def closed(
             continue
         circle = _whole(start, views, min_views, outward)
         if circle is not None:
-            free &= ~_along(circle, points, views.pixel)
+            free &= ~along(circle, points, views.pixel)
             found.append(circle)
     for twin in _twins([*curves.circles.values(), *found], views, min_views, outward):
-        free &= ~_along(twin, points, views.pixel)
+        free &= ~along(twin, points, views.pixel)
         found.append(twin)
     keep = torch.from_numpy(free) | curves.closed
     return concatenated(curves[keep], curves_of([whole_circle(c) for c in found])) if found else curves
@@ -135,7 +135,7 @@ def _fractions_shown(circles: list[Circle], views: EdgeViews, min_views: float) 
     """The fraction of each circle's sample points that enough views show."""
     if not circles:
         return np.zeros(0)
-    return fraction_shown(_around(circles, _angles(SAMPLES)).shown(views), min_views)
+    return fraction_shown(_around(circles, angles(SAMPLES)).shown(views), min_views)
 
 
 def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
@@ -146,19 +146,19 @@ def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
 
 def _promising(circle: Circle, views: EdgeViews, min_views: float) -> bool:
     """Whether enough views show something like half of the circle, before it is fitted to the ridges."""
-    return bool(fraction_shown(_around([circle], _angles(FINE)).shown(views), SHOWN * min_views)[0] >= PROMISING)
+    return bool(fraction_shown(_around([circle], angles(FINE)).shown(views), SHOWN * min_views)[0] >= PROMISING)
 
 
 def _evident(circle: Circle, chance: Chance) -> bool:
     """Whether nearly all around the views show likelier an edge than chance, before it is fitted to the ridges."""
-    angle = _angles(FINE)
+    angle = angles(FINE)
     told = chance.evidence(points_on(circle, angle), tangents_on(circle, angle))
     return bool((told > 0).mean() >= EVIDENT)
 
 
 def _whole(circle: Circle, views: EdgeViews, min_views: float, outward: float) -> Circle | None:
     """The circle fitted to all that the views show of it; None if that is not all around."""
-    angle = _angles(FINE)
+    angle = angles(FINE)
     for _ in range(ROUNDS):
         moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
         if moved is None or not _promising(moved, views, min_views):
@@ -174,13 +174,13 @@ def _whole(circle: Circle, views: EdgeViews, min_views: float, outward: float) -
     return circle if fraction_shown(passed, least) >= COVERED else None
 
 
-def _along(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
+def along(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
     """Which curves lie along the circle."""
-    around = _angles(int(np.ceil(4 * np.pi * circle.radius / pixel)))
+    around = angles(int(np.ceil(4 * np.pi * circle.radius / pixel)))
     return pieces_of(points_on(circle, around), points, pixel)
 
 
-def _angles(count: int) -> Float[Array, " S"]:
+def angles(count: int) -> Float[Array, " S"]:
     """So many angles, evenly spaced all around."""
     return 2 * np.pi * np.arange(count) / count
 

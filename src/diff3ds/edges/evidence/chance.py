@@ -41,18 +41,20 @@ class Chance:
         views: these.
         shares: of the places around, those whose ridge would confirm a line of each of K directions.
         beside: for each view, the next ones by the directions that they look from.
+        near: so near lies a ridge that confirms a line, pixels.
     """
 
     views: EdgeViews
     shares: Float[NDArray[np.float32], "V K R C"]
     beside: Int[NDArray[np.int64], "V B"]
+    near: float = NEAR
 
     @staticmethod
-    def of(views: EdgeViews) -> "Chance":
-        """The chances of all views."""
+    def of(views: EdgeViews, near: float = NEAR) -> "Chance":
+        """The chances of all views that a ridge lies so near, pixels."""
         towards = unit(views.centers)
         beside = np.argsort(-(towards @ towards.T), axis=1, kind="stable")[:, 1 : BESIDE + 1]
-        return Chance(views, np.stack([_shares(views, view) for view in range(len(views))]), beside)
+        return Chance(views, np.stack([_shares(views, view, near) for view in range(len(views))]), beside, near)
 
     def at(self, pixel: Float[Array, "V M 2"], heading: Float[Array, "V M 2"]) -> Float[Array, "V M"]:
         """The chance at pixels of lines with these directions, unit vectors."""
@@ -79,7 +81,7 @@ class Chance:
         across = np.abs(dot(heading, self.views.normals.take(match.ridge, 0)))
         inside = match.distance < OUTSIDE
         asked = inside if asked is None else inside & asked
-        shown = (match.distance < NEAR) & (across < SLANT)
+        shown = (match.distance < self.near) & (across < SLANT)
         chance = self.at(match.pixel, heading)
         return told(shown, chance, self._seen(shown, chance) if seen is None else seen, asked)
 
@@ -132,12 +134,12 @@ def _distances(views: EdgeViews, view: int) -> Float[Array, "H W"]:
     return np.asarray(np.hypot(*(views.points[nearest] - np.stack([column, row], -1)).transpose(2, 0, 1)))
 
 
-def _shares(views: EdgeViews, view: int) -> Float[NDArray[np.float32], "K R C"]:
+def _shares(views: EdgeViews, view: int, within: float) -> Float[NDArray[np.float32], "K R C"]:
     from scipy.ndimage import uniform_filter
 
     height, width = views.size
     rows, columns = -(-height // CELL), -(-width // CELL)
-    near = _distances(views, view) < NEAR
+    near = _distances(views, view) < within
     row, column = np.nonzero(near)
     cell = row // CELL * columns + column // CELL
     normal = views.normals[views.nearest[view][near]]
@@ -147,5 +149,5 @@ def _shares(views: EdgeViews, view: int) -> Float[NDArray[np.float32], "K R C"]:
     # The outermost of the directions are half within the angle.
     turns = range(-TO_EITHER_SIDE, TO_EITHER_SIDE + 1)
     weights = [0.5 if abs(k) == TO_EITHER_SIDE else 1.0 for k in turns]
-    within = np.sum([weight * np.roll(shares, k, 0) for weight, k in zip(weights, turns, strict=True)], axis=0)
-    return uniform_filter(within, (0, AROUND // CELL, AROUND // CELL), mode="nearest")
+    confirming = np.sum([weight * np.roll(shares, k, 0) for weight, k in zip(weights, turns, strict=True)], axis=0)
+    return uniform_filter(confirming, (0, AROUND // CELL, AROUND // CELL), mode="nearest")

@@ -75,6 +75,11 @@ def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     return find_ridges(ink, MAP_SIGMA, MAP_VALUE)
 
 
+def map_tops(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
+    """As `map_ridges`, where the smoothing has pulled them."""
+    return find_tops(ink, MAP_SIGMA, MAP_VALUE)
+
+
 def narrowed(ink: Float[NDArray[np.float32], "H W"], width: float) -> Float[NDArray[np.float32], "H W"]:
     """A map with broad lines as one with narrow ones, which have their tops where they were, and as high.
 
@@ -113,6 +118,11 @@ def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
     return find_ridges(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE)
 
 
+def color_tops(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
+    """As `color_ridges`, where the smoothing has pulled them."""
+    return find_tops(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE)
+
+
 def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"]:
     """log(1 + gradient / noise) of colours times alpha and of alpha."""
     from scipy.ndimage import gaussian_filter
@@ -135,6 +145,11 @@ def within(ridges: Ridges, known: Bool[NDArray[np.bool_], "H W"]) -> Ridges:
 
 
 def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_value: float) -> Ridges:
+    """The tops of an image, see `find_tops`, where they would be without the smoothing."""
+    return unshrunk(find_tops(image, sigma, least_value), sigma)
+
+
+def find_tops(image: Float[NDArray[np.float32], "H W"], sigma: float, least_value: float) -> Ridges:
     """Points where the image is largest across the direction of its strongest curvature.
 
     The second-order Taylor polynomial of the smoothed image has its top across the ridge at t n, n the eigenvector of
@@ -164,35 +179,39 @@ def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_va
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)
-    return _unshrunk(Ridges.sharp(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge]), sigma)
+    return Ridges.sharp(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge])
 
 
-def _unshrunk(ridges: Ridges, sigma: float) -> Ridges:
+def unshrunk(ridges: Ridges, sigma: float, among: Ridges | None = None) -> Ridges:
     """The ridges where they would be without the smoothing, which pulls bent lines to the inside.
 
     The Gaussian is heat flow over the time sigma² / 2; in polar coordinates around the centre of curvature its equation
     I_t = I_rr + k I_r moves a line inwards at the speed of its curvature k, by k sigma² / 2 in all.
+
+    Args:
+        sigma: of the smoothing, pixels.
+        among: all ridges of the image, if these are some of them.
     """
     softness = sigma**2 / 2
-    pulls = np.clip(_curvature(ridges) * softness, -MOST_PULL, MOST_PULL)
+    pulls = np.clip(_curvature(ridges, ridges if among is None else among) * softness, -MOST_PULL, MOST_PULL)
     # Towards the side of the normal is inwards where the curvature is positive.
     return replace(ridges, points=ridges.points - pulls[:, None] * ridges.normals, pulls=pulls, softness=softness)
 
 
-def _curvature(ridges: Ridges) -> Float[Array, " M"]:
-    """Curvature of the ridges in the image, positive where they bend to the side of the normal, 1 / pixels."""
+def _curvature(ridges: Ridges, among: Ridges) -> Float[Array, " M"]:
+    """Curvature of some ridges of an image, positive where they bend to the side of the normal, 1 / pixels."""
     from scipy.spatial import cKDTree
 
-    if len(ridges) < FEWEST:
+    if len(among) < FEWEST:
         return np.zeros(len(ridges))
-    tree = cKDTree(ridges.points)
-    distance, near = tree.query(ridges.points, k=min(NEIGHBOURS, len(ridges)), distance_upper_bound=AROUND)
+    tree = cKDTree(among.points)
+    distance, near = tree.query(ridges.points, k=min(NEIGHBOURS, len(among)), distance_upper_bound=AROUND)
     near = np.where(np.isfinite(distance), near, 0)
-    offset = ridges.points[near] - ridges.points[:, None]
+    offset = among.points[near] - ridges.points[:, None]
     normal = ridges.normals[:, None]
     across = (offset * normal).sum(-1)
     along = offset[..., 0] * normal[..., 1] - offset[..., 1] * normal[..., 0]
-    same = np.abs((ridges.normals[near] * normal).sum(-1)) > SAME_WAY
+    same = np.abs((among.normals[near] * normal).sum(-1)) > SAME_WAY
     weight = (np.isfinite(distance) & same & (np.abs(across) < 0.5 + 0.5 * np.abs(along))).astype(np.float64)
     basis = np.stack([np.ones_like(along), along, along**2 / 2], -1)
     matrix = np.einsum("mk,mki,mkj->mij", weight, basis, basis)

@@ -148,7 +148,7 @@ def _fit_arc(
         before = points_on(circle, angle)
         rim = None if end is None else seen_through(circle, end, angle, views)
         shown = clear & shown_of(circle, angle, views)
-        circle = circle_at(circle, angle, shown, views, outward, rim, joints, flat=flat)
+        circle = circle_at(circle, angle, shown, views, outward, rim, joints, free=in_plane(circle) if flat else None)
         if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > FARTHEST * views.pixel:
             return None
         if apart(points_on(circle, angle), before) < STILL * views.pixel:
@@ -175,7 +175,7 @@ def circle_at(
     rim: Bool[NDArray[np.bool_], "V S"] | None = None,
     joints: Bool[NDArray[np.bool_], " S"] | None = None,
     *,
-    flat: bool = False,
+    free: Float[Array, "6 K"] | None = None,
 ) -> Circle | None:
     """The circle near this one that agrees best with the ridges at these angles; None if it shrinks to nothing.
 
@@ -184,19 +184,26 @@ def circle_at(
         outward: offset of outlines, pixels.
         rim: see `fitted`.
         joints: see `fitted`.
-        flat: the circle stays in its plane.
+        free: how it may change, see `in_plane` and `on_axis`; default in every way.
     """
-    free = _in_plane(start) if flat else np.eye(6)
+    free = np.eye(6) if free is None else free
     shape = _shape(start, angle, views.pixel, free)
     found = fitted(shape, free.shape[1], start.center, shown, views, outward, rim, joints)
     circle = _stepped(start, free @ found, np.cross(start.u, start.v))
     return circle if circle.radius > views.pixel else None
 
 
-def _in_plane(circle: Circle) -> Float[Array, "6 3"]:
+def in_plane(circle: Circle) -> Float[Array, "6 3"]:
     """The steps of `_stepped` that leave the circle in its plane: of the centre, and of the radius."""
     free = np.zeros((6, 3))
     free[:3, 0], free[:3, 1], free[3, 2] = circle.u, circle.v, 1.0
+    return free
+
+
+def on_axis(circle: Circle) -> Float[Array, "6 2"]:
+    """The steps of `_stepped` that leave the circle its axis: along it, and of the radius."""
+    free = np.zeros((6, 2))
+    free[:3, 0], free[3, 1] = np.cross(circle.u, circle.v), 1.0
     return free
 
 

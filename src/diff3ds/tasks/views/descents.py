@@ -52,7 +52,7 @@ def fit_color(
     lens, moved = UNCHANGED, {}
     if options.refine_cameras and given is None:
         refined = refine_for_color(pictures, options, out / EDGES_CHECKPOINT, report, say)
-        pictures, which, lens = refined.pictures, refined.which, refined.lens
+        pictures, which, lens = refined.pictures, tuple(refined.looked.views), refined.lens
         clean_plates = clean_plates and clean_plates.refined(lens, which)
         moved = {"cameras": refined.about}
     # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.

@@ -163,8 +163,8 @@ def _with_refining(scene: Scene, options: ViewsOptions, say: Callable[[str], Non
 def _without_outlines(fitted: Fitted, surface: TriangleMesh, report: Report, say: Callable[[str], None]) -> Fitted:
     """The sketch without strokes along outlines of smooth parts, of which the surface has the contours."""
     report(Progress("outlines", 0, None, None, len(fitted.sketch)))
-    views, ridges = look(fitted.pictures, no_report, not_said)
-    false = false_strokes(fitted.sketch, surface, fitted.pictures.cameras[views], ridges)
+    looked = look(fitted.pictures, no_report, not_said)
+    false = false_strokes(fitted.sketch, surface, fitted.pictures.cameras[looked.views], looked.ridges)
     # Without a stroke there is no sketch.
     if not bool(false.any()) or bool(false.all()):
         return fitted

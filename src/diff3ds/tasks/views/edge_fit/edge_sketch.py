@@ -24,7 +24,7 @@ from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
-from diff3ds.tasks.views.edge_fit.edges_of_pictures import look
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import Looked, look
 from diff3ds.tasks.views.edge_fit.refined_cameras import NAMED
 from diff3ds.tasks.views.edge_fit.refined_views import RefinedViews, refine
 from diff3ds.tasks.views.plan import Fitted
@@ -67,39 +67,41 @@ def fit_edges(
     course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width, textured)), report, say)
     course.begin(options.resume)
     stopped = False
-    ridges: list[Ridges] = []
+    looked: Looked | None = None
     refined: RefinedViews | None = None
     about: dict[str, Any] = {} if bound is None else {"bound": bound}
     try:
-        views, ridges = look(pictures, course.tell, course.cap)
-        cameras = pictures.cameras[views]
+        looked = look(pictures, course.tell, course.cap)
+        cameras = pictures.cameras[looked.views]
         if options.refine_cameras and start is None:
             # Surroundings tell of cameras as much as the object does.
-            refined = refine(pictures, views, ridges, whole, course, say)
-            pictures, ridges, about["cameras"] = refined.pictures, refined.ridges, refined.about
+            refined = refine(pictures, looked, whole, course, say)
+            pictures, looked, about["cameras"] = refined.pictures, refined.looked, refined.about
             cameras = pictures.cameras
         reconstruct(
             frame.cameras(cameras),
-            ridges,
+            looked.ridges,
             start=None if start is None else _free(start),
             reached=course.kept.result,
             save=course.save,
             report=course.tell,
             capped=course.cap,
             seed=options.seed,
-            textured=textured,
+            faint=looked.faint if textured else None,
         )
         if refined is None and start is None:
-            about["disagreeing"] = _disagreeing(pictures.chosen(views), frame, ridges, course, say)
+            about["disagreeing"] = _disagreeing(pictures.chosen(looked.views), frame, looked.ridges, course, say)
     except KeyboardInterrupt:
         if not course.kept.result.stage:
             raise
         stopped = True
     fitted = _fitted(pictures, course, about, stopped)
-    if ridges:
+    if looked is not None:
         together = TOGETHER_IN_PHOTOGRAPHS if textured else TOGETHER
-        fitted = replace(fitted, sketch=ranked(fitted.sketch, drawn_in(cameras, ridges), together=together).sketch)
-    return fitted if refined is None else replace(fitted, refined=refined.which, lens=refined.lens)
+        fitted = replace(
+            fitted, sketch=ranked(fitted.sketch, drawn_in(cameras, looked.ridges), together=together).sketch
+        )
+    return fitted if refined is None else replace(fitted, refined=tuple(refined.looked.views), lens=refined.lens)
 
 
 def _bound(frame: Frame, pictures: PosedPictures, say: Callable[[str], None]) -> Frame:

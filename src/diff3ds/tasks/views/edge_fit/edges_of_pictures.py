@@ -1,16 +1,21 @@
 """The edges of posed pictures that a run looks at: of how many views, and how many of them."""
 
+from dataclasses import dataclass
+
 import torch
 
 from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import evenly_spaced
 from diff3ds.edges.evidence.ridges import (
+    COLOR_SIGMA,
+    MAP_SIGMA,
     MOST_INK,
     Ridges,
-    color_ridges,
-    map_ridges,
+    color_tops,
+    map_tops,
     narrowed,
     strongest,
+    unshrunk,
     within,
     without_faint,
 )
@@ -26,6 +31,23 @@ MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
 # Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
 # cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
 FEW_VIEWS, MOST_RIDGES = 50, 400_000
+# [points; memory] Of fainter ones, which are looked at where known curves say, so many.
+MOST_FAINT = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """What is looked at.
+
+    Attributes:
+        views: of the pictures.
+        ridges: of these, the strongest.
+        faint: the same and fainter ones, where the smoothing has pulled them.
+    """
+
+    views: list[int]
+    ridges: list[Ridges]
+    faint: list[Ridges]
 
 
 def most_views(size: tuple[int, int]) -> int:
@@ -33,7 +55,7 @@ def most_views(size: tuple[int, int]) -> int:
     return max(FEWEST_VIEWS, min(MOST_VIEWS, MOST_PIXELS // (size[0] * size[1])))
 
 
-def look(pictures: PosedPictures, tell: Tell, capped: Capped, few: int = FEW_VIEWS) -> tuple[list[int], list[Ridges]]:
+def look(pictures: PosedPictures, tell: Tell, capped: Capped, few: int = FEW_VIEWS) -> Looked:
     """Views that together are not too full of edges, and the edges that all that follows looks at.
 
     Args:
@@ -44,44 +66,56 @@ def look(pictures: PosedPictures, tell: Tell, capped: Capped, few: int = FEW_VIE
     most = min(len(pictures), most_views(pictures.cameras.size))
     views = evenly_spaced(len(pictures), min(most, few))
     known: dict[int, Ridges] = {}
-    ridges = ridges_of(pictures, views, tell, known)
+    tops = _tops_of(pictures, views, tell, known)
     height, width = pictures.cameras.size
     full = int(MOST_INK * height * width)
     if most > len(views):
-        ink = min(full, sum(map(len, ridges)) // len(views))
+        ink = min(full, sum(map(len, tops)) // len(views))
         wanted = min(most, max(few, MOST_RIDGES // max(1, ink)))
         if wanted < most:
             capped("views", wanted, most)
         views = evenly_spaced(len(pictures), wanted)
-        ridges = ridges_of(pictures, views, tell, known)
+        tops = _tops_of(pictures, views, tell, known)
     room = min(full * len(views), MOST_RIDGES)
-    count = sum(map(len, ridges))
+    count = sum(map(len, tops))
     if count > room:
         capped("ridge points", room, count)
-    return views.tolist(), strongest(ridges, room)
+    return _looked(pictures, views.tolist(), tops, room)
 
 
-def look_again(pictures: PosedPictures, tell: Tell) -> list[Ridges]:
+def look_again(pictures: PosedPictures, tell: Tell) -> Looked:
     """The edges of all these pictures, as many as `look` leaves of the views that it has chosen."""
     height, width = pictures.cameras.size
-    ridges = ridges_of(pictures, torch.arange(len(pictures)), tell)
-    return strongest(ridges, min(int(MOST_INK * height * width) * len(pictures), MOST_RIDGES))
+    tops = _tops_of(pictures, torch.arange(len(pictures)), tell, {})
+    room = min(int(MOST_INK * height * width) * len(pictures), MOST_RIDGES)
+    return _looked(pictures, list(range(len(pictures))), tops, room)
 
 
-def ridges_of(
-    pictures: PosedPictures,
-    views: Int[Tensor, " B"],
-    tell: Tell = no_report,
-    known: dict[int, Ridges] | None = None,
-) -> list[Ridges]:
-    """The edges of these views, at subpixel precision.
+def ridges_of(pictures: PosedPictures, views: Int[Tensor, " B"]) -> list[Ridges]:
+    """All edges of these views, at subpixel precision."""
+    tops = _tops_of(pictures, views, no_report, {})
+    return _looked(pictures, views.tolist(), tops, sum(map(len, tops))).ridges
+
+
+def _looked(pictures: PosedPictures, views: list[int], tops: list[Ridges], room: int) -> Looked:
+    """The strongest of the tops, so many, as ridges."""
+    sigma = MAP_SIGMA if _is_drawn(pictures) else COLOR_SIGMA
+    chosen = zip(strongest(tops, room), tops, strict=True)
+    return Looked(views, [unshrunk(some, sigma, among) for some, among in chosen], strongest(tops, MOST_FAINT))
+
+
+def _is_drawn(pictures: PosedPictures) -> bool:
+    return pictures.store.pixels.shape[3] == 1
+
+
+def _tops_of(pictures: PosedPictures, views: Int[Tensor, " B"], tell: Tell, known: dict[int, Ridges]) -> list[Ridges]:
+    """The edges of these views, where the smoothing has pulled them.
 
     Args:
         tell: called with how many views are done.
         known: those of views that were looked at before; the others are added.
     """
-    known = {} if known is None else known
-    drawn = pictures.store.pixels.shape[3] == 1
+    drawn = _is_drawn(pictures)
     width = line_width(pictures.store) * pictures.cameras.size[0] if drawn else 0.0
     for done, view in enumerate(views.tolist()):
         tell("edges of the pictures", done, len(views), None, 0)
@@ -89,8 +123,8 @@ def ridges_of(
             continue
         batch = pictures.batch([view])
         pixels = batch.pixels[0].numpy()
-        ridges = map_ridges(narrowed(pixels[..., 0], width)) if drawn else color_ridges(pixels)
-        known[view] = ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy())
+        tops = map_tops(narrowed(pixels[..., 0], width)) if drawn else color_tops(pixels)
+        known[view] = tops if is_all_known(pictures.store.known) else within(tops, batch.known[0].numpy())
     found = [known[view] for view in views.tolist()]
     # The logarithm of a gradient says nothing about doubt.
     return without_faint(found) if pictures.target == "edges" else found

@@ -9,14 +9,13 @@ from typing import Any
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
 from diff3ds.edges.evidence.edge_views import require_perspective
-from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
-from diff3ds.tasks.views.edge_fit.edges_of_pictures import MOST_VIEWS, look, look_again
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import MOST_VIEWS, Looked, look, look_again
 from diff3ds.tasks.views.edge_fit.refined_cameras import in_world, moves
 from diff3ds.tasks.views.views_options import ViewsOptions
 
@@ -27,23 +26,20 @@ class RefinedViews:
 
     Attributes:
         pictures: those whose cameras agree, with these.
-        ridges: of these.
-        which: of all pictures.
+        looked: the edges of these.
         lens: how the lenses have changed; the pictures were read with it.
         about: how far cameras moved, for run.json.
     """
 
     pictures: PosedPictures
-    ridges: list[Ridges]
-    which: tuple[int, ...]
+    looked: Looked
     lens: LensChange
     about: dict[str, Any]
 
 
 def refine(
     pictures: PosedPictures,
-    views: list[int],
-    ridges: list[Ridges],
+    looked: Looked,
     frame: Frame,
     course: EdgeCourse,
     say: Callable[[str], None],
@@ -52,33 +48,34 @@ def refine(
 
     Args:
         pictures: of all views.
-        views: those that are looked at.
-        ridges: of these.
+        looked: the views that are looked at, and their edges.
         frame: in which what the pictures show fills the unit ball.
         course: keeps refined cameras, and has them where a run goes on.
         say: told how far cameras have moved, and which are lost.
     """
-    whole, pictures = pictures, pictures.chosen(views)
+    whole, pictures = pictures, pictures.chosen(looked.views)
     given = frame.cameras(pictures.cameras)
     lens = pictures.lens if pictures.again else None
     found = course.kept.refined
     if found is None:
-        found = refined_cameras(given, ridges, course.tell, lens, textured=pictures.target != "edges")
+        found = refined_cameras(given, looked.ridges, course.tell, lens, textured=pictures.target != "edges")
         course.save_cameras(found)
     after = in_world(frame, found.cameras(given), pictures.cameras)
     moved = moves(frame, pictures.cameras, after, pictures.names, found, lens)
     for line in moved.lines:
         say(line)
     pictures, change = replace(pictures, cameras=after).chosen(moved.right), moved.lens
-    which = tuple(views[i] for i in moved.right)
+    which = [looked.views[i] for i in moved.right]
     if change.k1 and whole.again is not None:
         with warnings.catch_warnings():
             # Said when the pictures were first read.
             warnings.simplefilter("ignore")
             straight = whole.again(change).chosen(which)
         pictures = replace(straight, cameras=pictures.cameras)
-        return RefinedViews(pictures, look_again(pictures, course.tell), which, change, moved.about)
-    return RefinedViews(pictures, [ridges[i] for i in moved.right], which, change, moved.about)
+        again = replace(look_again(pictures, course.tell), views=which)
+        return RefinedViews(pictures, again, change, moved.about)
+    some = Looked(which, *([edges[i] for i in moved.right] for edges in (looked.ridges, looked.faint)))
+    return RefinedViews(pictures, some, change, moved.about)
 
 
 def refine_for_color(
@@ -102,5 +99,4 @@ def refine_for_color(
     course = EdgeCourse(checkpoint, settings, lambda curves: sketch_of(curves, DEFAULT_WIDTH), report, say)
     course.begin(options.resume)
     # Colours need all views: of each fewer edges do.
-    views, ridges = look(pictures, course.tell, course.cap, MOST_VIEWS)
-    return refine(pictures, views, ridges, frame, course, say)
+    return refine(pictures, look(pictures, course.tell, course.cap, MOST_VIEWS), frame, course, say)
