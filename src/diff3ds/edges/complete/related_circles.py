@@ -24,8 +24,9 @@ from diff3ds.edges.measure.holes import PARALLEL
 from diff3ds.edges.watch import Tick, no_tick
 
 # [natural logarithms, fraction; empirical] Such evidence in the mean around, and for an edge on so much of it, makes a
-# circle worth fitting. One place says so much against or for it at most.
+# circle worth fitting.
 PROMISING, AROUND = 3.0, 0.8
+# [natural logarithms; empirical] One place says so much against or for a circle that is looked for at most.
 AGAINST, FOR = -10.0, 25.0
 # [px; empirical] Steps of heights and radii on an axis; the smallest circles, and the largest in a plane.
 STEP, SMALLEST, LARGEST = 2.0, 4, 40

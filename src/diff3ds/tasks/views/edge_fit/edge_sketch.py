@@ -30,7 +30,7 @@ from diff3ds.tasks.views.edge_fit.refined_views import RefinedViews, refine
 from diff3ds.tasks.views.plan import Fitted
 from diff3ds.tasks.views.views_options import ViewsOptions
 
-# [ratio; measured] Many lines of photographs hang on one or on none. At detail .5 and .2 .33 and .42 of the strokes of
+# Many lines of photographs hang on one or on none. At detail .5 and .2 .33 and .42 of the strokes of
 # the NeRF chair are free with `TOGETHER`, .12 and .17 with this; of the fox's .59 and .71, and .05 and .33.
 TOGETHER_IN_PHOTOGRAPHS = 4.0
 

@@ -31,7 +31,7 @@ MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
 # Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
 # cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
 FEW_VIEWS, MOST_RIDGES = 50, 400_000
-# [points; memory] Of fainter ones, which are looked at where known curves say, so many.
+# Of fainter ones, which are looked at where known curves say, so many: about all of 50 pictures of 400 x 400.
 MOST_FAINT = 2_000_000
 
 
