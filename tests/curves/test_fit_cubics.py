@@ -7,7 +7,7 @@ import pytest
 
 from diff3ds.bezier.curves import bernstein
 from diff3ds.curves.directions import turns
-from diff3ds.curves.fit_cubics import fit_outline, fit_outlines, fit_points, fit_rows, is_straight
+from diff3ds.curves.fit_cubics import fit_outline, fit_outlines, fit_points, fit_rows, is_straight, through_points
 
 
 def dense(cubics):
@@ -83,6 +83,22 @@ def test_corners_and_straight_lines_stay():
     assert {tuple(p) for p in cubics[:, 0].tolist()} == {(0, 0), (10, 0), (10, 10), (0, 10)}
     bent = fit_outline(square, 0.05, closed=True, corner=3.0)
     assert not all(is_straight(c) for c in bent)
+
+
+def test_cubics_go_through_all_points_smoothly_but_at_corners():
+    t = np.linspace(0, 2 * math.pi, 60)[:-1]
+    ring = 50 * np.stack([np.cos(t), np.sin(t)], 1)
+    line = np.array([[0.0, 0], [99, 0], [100, 0], [100.2, 0.02], [100.4, 0.06], [100.4, 60]])
+    around, along, none = through_points([ring, line, line[:1]], [True, False, False])
+    # Of 59 parts each is off by the fourth power of its angle.
+    assert np.abs(np.linalg.norm(dense(around), axis=1) - 50).max() < 0.01
+    assert np.array_equal(around[:, 3], np.roll(around[:, 0], -1, axis=0))
+    joints = turns(around[:, 3] - around[:, 2], np.roll(around[:, 1] - around[:, 0], -1, axis=0))
+    assert joints.max() < 1e-6
+    # Long lines stay straight beside short steps, and corners are corners.
+    assert np.abs(dense(along[:1])[:, 1]).max() < 1e-9
+    assert np.abs(dense(along[-1:])[:, 0] - 100.4).max() < 1e-9
+    assert none.shape == (0, 4, 2)
 
 
 def test_few_or_no_points():

@@ -9,7 +9,7 @@ from area_scenes import NO_CPU, VALUES, box, gradients, layers, rich_scene, whol
 from other_device import NAME, OtherDevice
 
 import diff3ds as ds
-from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, STROKE, Layers, draw_layers
+from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, STROKE, Layers, covered_pixels, draw_layers
 
 
 class TestAreas:
@@ -19,6 +19,16 @@ class TestAreas:
         expected[2, 1:5] = torch.tensor([0.75, 1, 1, 0.5]) * 0.5
         expected[3, 1:5] = torch.tensor([0.75, 1, 1, 0.5]) * 0.75
         assert torch.allclose(image[..., 3], expected, atol=1e-7)
+
+    def test_what_each_layer_covers_is_told_by_itself(self, backend):
+        scene = layers([[box(1.25, 2.5, 4.5, 3.75)], [box(-9, -9, -5, -5)], [box(0, 0, 2, 1)]], [NONZERO] * 3)
+        found = covered_pixels(scene, 6, 5, backend=backend)
+        # Edges are sheared by less than a billionth of a pixel.
+        first, none, last = ({k: v for k, v in zip(*map(list, each), strict=True) if v > 1e-6} for each in found)
+        shares = [0.375, 0.5, 0.5, 0.25, 0.5625, 0.75, 0.75, 0.375]
+        assert first == pytest.approx(dict(zip([13, 14, 15, 16, 19, 20, 21, 22], shares, strict=True)))
+        assert none == {}
+        assert last == pytest.approx({0: 1, 1: 1})
 
     def test_moving_an_edge_sweeps_its_length(self, backend):
         scene = layers([[box(1.25, 2.5, 4.5, 3.75)]], [NONZERO])

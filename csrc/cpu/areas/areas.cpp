@@ -1,5 +1,6 @@
 #include "cpu/areas/areas.h"
 #include "cpu/threads.h"
+#include <algorithm>
 
 namespace stroke::areas {
 namespace {
@@ -133,7 +134,7 @@ template <class S> Buffer<S> narrowed(const std::vector<double> &sums) {
 }
 }  // namespace
 
-template <class S> Buffer<S> draw(State<S> &state, bool save) {
+template <class S> void cover(State<S> &state, bool save) {
   const Tables<S> &t = state.tables;
   state.layers.resize(t.layer_count);
   threads().run(t.layer_count, 1, [&](int l, int) {
@@ -143,6 +144,32 @@ template <class S> Buffer<S> draw(State<S> &state, bool save) {
     state.layers[l].reset(new Layer<S>{LayerPolygons(t, row), row[2], Paint<S>(t, row[4]), {}});
     cover(*state.layers[l], state.width, state.height, save, sweep, sums);
   });
+}
+
+template <class S> Covered<S> covered(const State<S> &state) {
+  std::vector<int64_t> first = {0};
+  for (const auto &layer : state.layers) {
+    const auto &shares = layer->coverage.shares;
+    first.push_back(first.back() + int64_t(std::count_if(shares.begin(), shares.end(), [](S share) { return share > 0; })));
+  }
+  Covered<S> out = {Buffer<int64_t>(first.size()), Buffer<int64_t>(size_t(first.back())), Buffer<S>(size_t(first.back()))};
+  std::copy(first.begin(), first.end(), out.first.get());
+  threads().run(int(state.layers.size()), 1, [&](int l, int) {
+    const Coverage<S> &coverage = state.layers[l]->coverage;
+    size_t at = size_t(first[l]);
+    for (size_t k = 0; k < coverage.runs.size(); k++) {
+      const auto &run = coverage.runs[k];
+      const int64_t row = int64_t(coverage.first + int(k)) * state.width;
+      const S *shares = coverage.shares.data() + run.start - run.left;
+      for (int x = run.left; x < run.right; x++)
+        if (shares[x] > 0) out.pixels[at] = row + x, out.shares[at++] = shares[x];
+    }
+  });
+  return out;
+}
+
+template <class S> Buffer<S> draw(State<S> &state, bool save) {
+  cover(state, save);
   Buffer<S> image(size_t(state.height) * state.width * 4);
   threads().run(state.height, 4, [&](int row, int) {
     static thread_local std::vector<Pixel> pixels;
@@ -212,6 +239,10 @@ template <class S> Gradients<S> backward(const State<S> &state, const S *g_image
   return out;
 }
 
+template void cover(State<float> &, bool);
+template void cover(State<double> &, bool);
+template Covered<float> covered(const State<float> &);
+template Covered<double> covered(const State<double> &);
 template Buffer<float> draw(State<float> &, bool);
 template Buffer<double> draw(State<double> &, bool);
 template Gradients<float> backward(const State<float> &, const float *, bool);

@@ -41,7 +41,16 @@ template <class S> struct Gradients {
   Buffer<S> points, half_widths, transforms, axes, offsets, colors, background;
 };
 
-// The picture, (height, width, 4); state.layers is filled, with what gradients need if that is saved.
+// The pixels that each layer covers, and how much of each: those of a layer begin at `first`, which has one number more than there are layers.
+template <class S> struct Covered {
+  Buffer<int64_t> first, pixels;
+  Buffer<S> shares;
+};
+
+// Fills state.layers, with what gradients need if that is saved.
+template <class S> void cover(State<S> &state, bool save);
+template <class S> Covered<S> covered(const State<S> &state);
+// The picture, (height, width, 4); covers first.
 template <class S> Buffer<S> draw(State<S> &state, bool save);
 template <class S> Gradients<S> backward(const State<S> &state, const S *g_image, bool want_background);
 }  // namespace stroke::areas

@@ -15,7 +15,8 @@ template <class S> struct Owner {
 };
 
 // Shapes and indices have been checked in painted_layers.py.
-template <class S> nb::tuple draw_of(const nb::tuple &values, const nb::tuple &tables, nb::handle background, int width, int height, bool save) {
+template <class S>
+std::unique_ptr<Owner<S>> owner_of(const nb::tuple &values, const nb::tuple &tables, nb::handle background, int width, int height) {
   require(values.size() == 6 && tables.size() == 4 && width > 0 && height > 0, "values must be six tensors, tables four, sizes positive");
   auto owner = std::make_unique<Owner<S>>(Owner<S>{In<S>(values[0]),
                                                    In<S>(values[1]),
@@ -38,6 +39,10 @@ template <class S> nb::tuple draw_of(const nb::tuple &values, const nb::tuple &t
                   height,
                   o.background.given() ? o.background.data() : nullptr,
                   {}};
+  return owner;
+}
+template <class S> nb::tuple draw_of(const nb::tuple &values, const nb::tuple &tables, nb::handle background, int width, int height, bool save) {
+  auto owner = owner_of<S>(values, tables, background, width, height);
   Buffer<S> image;
   {
     nb::gil_scoped_release nogil;
@@ -51,6 +56,24 @@ nb::tuple py_draw(const nb::tuple &values, const nb::tuple &tables, nb::object b
   require(values.size() == 6, "values must be six tensors");
   return is_float32(values[0]) ? draw_of<float>(values, tables, background, width, height, save)
                                : draw_of<double>(values, tables, background, width, height, save);
+}
+
+// Where the pixels of each layer begin in the next lists, and of these the pixels, by rows, and their shares.
+template <class S> nb::tuple covered_of(const nb::tuple &values, const nb::tuple &tables, int width, int height) {
+  auto owner = owner_of<S>(values, tables, nb::none(), width, height);
+  Covered<S> found;
+  {
+    nb::gil_scoped_release nogil;
+    std::lock_guard guard(threads().busy());
+    cover(owner->state, false);
+    found = covered(owner->state);
+  }
+  const size_t L = found.first.size(), P = found.pixels.size();
+  return nb::make_tuple(array(std::move(found.first), {L}), array(std::move(found.pixels), {P}), array(std::move(found.shares), {P}));
+}
+nb::tuple py_covered(const nb::tuple &values, const nb::tuple &tables, int width, int height) {
+  require(values.size() == 6, "values must be six tensors");
+  return is_float32(values[0]) ? covered_of<float>(values, tables, width, height) : covered_of<double>(values, tables, width, height);
 }
 
 // Gradients of the values, and of the background.
@@ -82,5 +105,6 @@ void bind(nb::module_ &m) {
   bind_state<float>(m, "Areas32");
   bind_state<double>(m, "Areas64");
   m.def("areas_draw", &py_draw, "values"_a, "tables"_a, "background"_a.none(), "width"_a, "height"_a, "save"_a);
+  m.def("areas_covered", &py_covered, "values"_a, "tables"_a, "width"_a, "height"_a);
 }
 }  // namespace stroke::areas

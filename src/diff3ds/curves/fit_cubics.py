@@ -26,6 +26,8 @@ SHORTEST = 2e-3
 # Radians; a row whose cubic would leave its ends along the chord but for this, and whose points lie within half the
 # tolerance of it, is a straight line; one of two points, which say less, but for that.
 LEVEL, LEVEL_OF_TWO = 0.045, 0.014
+# Steps of which one is so many times as long as the other are no samples of one parabola. [empirical]
+UNEVEN = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +160,45 @@ def fit_outlines(
     start, stop = (ends + np.repeat([0, *first], [len(each) for _, each, _ in rows])[:, None]).T
     fitted = fit_rows(points, start, stop, tolerance, length, ways=ways, rounds=OUTLINE_ROUNDS)
     return np.split(fitted.control, np.searchsorted(fitted.start, first))
+
+
+def through_points(
+    outlines: Sequence[Float[Array, "_ D"]], closed: Sequence[bool], corner: float = CORNER
+) -> list[Float[Array, "_ 4 D"]]:
+    """Cubics from each point of outlines to the next, smooth but at corners: of parabolas through three points.
+
+    Args:
+        outlines: points; one less cubics than points, of closed ones as many.
+        closed: whether each goes round to its first point again.
+        corner: as of `fit_outline`.
+    """
+    if not outlines:
+        return []
+    rows = [np.concatenate([each, each[:1]]) if loop else each for each, loop in zip(outlines, closed, strict=True)]
+    counts = np.array([len(each) for each in rows])
+    points = np.concatenate(rows)
+    last = counts.cumsum() - 1
+    first = last - counts + 1
+    at = np.delete(np.arange(len(points)), last)
+    step = np.zeros_like(points)
+    step[at] = points[at + 1] - points[at]
+    # Before each point, and after it; at the ends of open ones the one that there is, round the seam of closed ones.
+    before, after = np.roll(step, 1, axis=0), step
+    loops = np.array(closed, bool)
+    before[first] = np.where(loops[:, None], step[np.maximum(last - 1, first)], step[first])
+    after[last] = np.where(loops[:, None], step[first], before[last])
+    a, b = (np.sqrt((each**2).sum(1, keepdims=True)) for each in (before, after))
+    smooth = (a > 0) & (b > 0) & ((before * after).sum(1, keepdims=True) > np.cos(corner) * a * b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Where an arc of short steps meets a long straight one, the long one says where both go.
+        even = np.maximum(a, b) < UNEVEN * np.minimum(a, b)
+        slope = np.where(even, before / a * b + after / b * a, before + after) / (a + b)
+    leaving = np.where(smooth, slope * b, after)
+    arriving = np.where(smooth, slope * a, before)
+    cubics = np.stack(
+        [points[at], points[at] + leaving[at] / 3, points[at + 1] - arriving[at + 1] / 3, points[at + 1]], 1
+    )
+    return np.split(cubics, (counts - 1).cumsum()[:-1])
 
 
 def _between_corners(

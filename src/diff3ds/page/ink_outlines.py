@@ -10,9 +10,10 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.fit_cubics import fit_outlines, is_straight
+from diff3ds.curves.fit_cubics import fit_outlines, is_straight, through_points
 from diff3ds.page.lines import Line
 
 # px. Of cubics from the outline at the samples.
@@ -21,6 +22,8 @@ TOLERANCE = 0.08
 INSIDE = 0.8
 # The inner parts of bends are added in wedges that turn by less (radians): then each lies in one disc of the pen.
 WEDGE = 1.0
+# Bends are taken for no sharper than this (radians): the sides of sharper ones meet too far away to be ink there.
+SHARPEST = 2.5
 # px. What is narrower ends in a point.
 POINT = 0.02
 # Handles of a quarter of a circle, for cubics: off by 2.7e-4 of the radius.
@@ -49,6 +52,14 @@ def fit_sides(contours: Iterable[Contour]) -> None:
         side.cubics = cubics
 
 
+def smooth_sides(contours: Iterable[Contour]) -> None:
+    """Cubics from point to point along all sides that have none yet: for pixels, where their number does not count."""
+    sides = [part for contour in contours for part in contour if isinstance(part, Side) and part.cubics is None]
+    through = through_points([side.points for side in sides], [side.closed for side in sides])
+    for side, cubics in zip(sides, through, strict=True):
+        side.cubics = cubics
+
+
 def add_contours(path: Any, contours: Sequence[Contour]) -> None:
     """Adds contours to a path of pathops; what it has winds the same way round."""
     fit_sides(contours)
@@ -72,6 +83,7 @@ def strip(
     left = half_width if left is None else left
     if len(line.points) < 2:
         return disc(line.points[0], float(half_width[0] + left[0]) / 2)
+    line, half_width, left = _sampled_at_bends(line, half_width, left)
     near_right, near_left = inside_bends(line, half_width, left)
     right = line.points + near_right[:, None] * line.normals
     other = line.points - near_left[:, None] * line.normals
@@ -123,14 +135,43 @@ def inside_bends(line: Line, right: Float[Array, " n"], left: Float[Array, " n"]
     return sides[0], sides[1]
 
 
+def _sampled_at_bends(line: Line, right: Array, left: Array) -> tuple[Line, Array, Array]:
+    """A line with samples where the sides before and after a tight bend meet, and its half widths there.
+
+    Without them a corner between long straight parts would thin all of these, and fill what lies between them.
+    """
+    more = []
+    short = np.logical_or(
+        *(near < wide - POINT for near, wide in zip(inside_bends(line, right, left), (right, left), strict=True))
+    )
+    for start, stop in _runs(short):
+        turn = min(abs(float(line.angle[stop - 1] - line.angle[start])), SHARPEST)
+        reach = float(np.maximum(right, left)[start:stop].max()) * math.tan(turn / 2)
+        # Twice as far too: then what lies beyond is seen to be straight.
+        places = [line.along[start] - reach * k for k in (1, 2)] + [line.along[stop - 1] + reach * k for k in (1, 2)]
+        more += [place % line.length for place in places] if line.closed else places
+    # A sample that is there already, or lies in the bend, is none more.
+    fresh = [each for each in more if 0 < each < line.length and np.abs(line.along - each).min() > POINT]
+    if not fresh:
+        return line, right, left
+    sampled = line.at(np.concatenate([line.along, fresh]))
+    right, left = (np.interp(sampled.along, line.along, wide) for wide in (right, left))
+    return sampled, right, left
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where runs of flags begin and stop."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def _wedges(line: Line, half_width: Array, clamped: Array, sign: float) -> Iterator[Contour]:
     """What the pen covers on the inner side of tight bends, beyond what the strip has of it."""
     short = clamped < half_width - POINT
     if not short.any():
         return
     far = line.points + sign * half_width[:, None] * line.normals
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], short, [False]]).astype(int)))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, stop in _runs(short):
         # One sample more on both sides, so that wedges and strip overlap.
         start, stop = max(start - 1, 0), min(stop + 1, len(short))
         count = max(1, math.ceil(abs(line.angle[stop - 1] - line.angle[start]) / WEDGE))

@@ -44,7 +44,7 @@ def wander(seed: int, x: Float[Array, " n"], period: float | None = None) -> Flo
     second = first + 1
     if period is not None:
         first, second = first % cells, second % cells
-    a, b = (_unit(_mixed(np.uint64(seed) ^ _mixed(i.astype(np.uint64)))) for i in (first, second))
+    a, b = _unit(_mixed(np.uint64(seed) ^ _mixed(np.stack([first, second]).astype(np.uint64))))
     return 2 * (a + (b - a) * u**3 * (u * (6 * u - 15) + 10)) - 1
 
 
@@ -53,8 +53,8 @@ def grain(seed: int, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     cell = np.floor(points)
     u = points - cell
     u = u * u * (3 - 2 * u)
-    column, row = cell.astype(np.int64).T
-    corner = [uniform_at(seed, column + i, row + j) for j in (0, 1) for i in (0, 1)]
+    corners = cell.astype(np.int64) + np.array([[[i, j]] for j in (0, 1) for i in (0, 1)])
+    corner = uniform_at(seed, *corners.reshape(-1, 2).T).reshape(4, -1)
     top = corner[0] + (corner[1] - corner[0]) * u[:, 0]
     bottom = corner[2] + (corner[3] - corner[2]) * u[:, 0]
     # Means of four numbers keep to the middle: spread out again.
@@ -63,11 +63,10 @@ def grain(seed: int, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
 
 def _mixed(words: _Words) -> _Words:
     """The finaliser of SplitMix64 (Steele et al., 2014): all bits of the result depend on all of the word."""
-    with np.errstate(over="ignore"):
-        words = words + np.uint64(0x9E3779B97F4A7C15)
-        words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        return words ^ (words >> np.uint64(31))
+    words = words + np.uint64(0x9E3779B97F4A7C15)
+    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return words ^ (words >> np.uint64(31))
 
 
 def _unit(words: _Words) -> Array:

@@ -1,8 +1,8 @@
 """Styles that leave grain on the paper: pencil and charcoal."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,8 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.page.ink_outlines import inside_bends, strip
 from diff3ds.page.lines import Line
 from diff3ds.page.noise import grain, seed_of, wander
-from diff3ds.page.union import pathops, united
 from diff3ds.styles.pens import tapered
-from diff3ds.styles.style import InkMark, Mark, Page
+from diff3ds.styles.style import Flecks, InkMark, Mark, Page
 
 # Samples a bump of the paper: four show its shape. [empirical]
 SAMPLES = 1.7
@@ -64,53 +63,57 @@ class Dry:
         if line.length < size or half_width.max() < THINNEST:
             outline = strip(line, half_width)
             return [InkMark(outline, opacity) for _, opacity in self.layers]
-        paths = [pathops().Path() for _ in self.layers]
-        for k in range(self.passes):
-            period = line.length / scale if line.closed else None
-            hand, press = (wander(seed_of(seed, k, j), line.along / scale, period) for j in range(2))
-            full = half_width * (1 + 0.25 * press)
-            self._add_grains(paths, line, full, self.sway * hand, press, page)
-        return [Mark(united(path), opacity) for path, (_, opacity) in zip(paths, self.layers, strict=True)]
+        period = line.length / scale if line.closed else None
+        hand, press = (
+            np.stack([wander(seed_of(seed, k, j), line.along / scale, period) for k in range(self.passes)])
+            for j in range(2)
+        )
+        grains = self._grains(line, half_width * (1 + 0.25 * press), self.sway * hand, press, page)
+        return [Flecks(flecks, opacity) for flecks, (_, opacity) in zip(grains, self.layers, strict=True)]
 
-    def _add_grains(
-        self, paths: list[Any], line: Line, half_width: Array, hand: Array, press: Array, page: Page
-    ) -> None:
-        """Adds what one pass leaves on the high places of the paper."""
+    def _grains(
+        self,
+        line: Line,
+        half_width: Float[Array, "p n"],
+        hand: Float[Array, "p n"],
+        press: Float[Array, "p n"],
+        page: Page,
+    ) -> Iterator[list[Float[Array, "_ 2"]]]:
+        """What all passes leave on the high places of the paper, of each layer."""
         size = self.grain * page.unit
-        right, left = inside_bends(line, half_width, half_width)
+        right, left = (
+            np.stack(side)[:, None] for side in zip(*(inside_bends(line, w, w) for w in half_width), strict=True)
+        )
         points, normals = line.points, line.normals
 
-        def across(value: Float[Array, "s n"]) -> Float[Array, "s n 2"]:
+        def across(value: Float[Array, "p s n"]) -> Float[Array, "p s n 2"]:
             return points + (value.clip(0) * right + value.clip(max=0) * left)[..., None] * normals
 
         # Strands are a little wider than their share, so that full ones join.
         count = min(self.strands, math.ceil(float(half_width.max()) / THINNEST))
         place = ((2 * np.arange(count) + 1) / count - 1)[:, None]
         thick = 1.15 / count
-        centre = place * (1 - thick / 2) + hand
+        centre = place * (1 - thick / 2) + hand[:, None]
         middle = across(centre)
         shown = ((middle > -size) & (middle < np.array(page.size[::-1]) + size)).all(-1)
         height = grain(page.seed, middle.reshape(-1, 2) / size).reshape(centre.shape)
-        share = self.middle + (self.edge - self.middle) * np.abs(place) ** 1.5 + 0.15 * press
-        for path, (more, _) in zip(paths, self.layers, strict=True):
+        share = self.middle + (self.edge - self.middle) * np.abs(place) ** 1.5 + 0.15 * press[:, None]
+        for more, _ in self.layers:
             ink = thick * ((share + more - height) / SOFT).clip(0, 1) * shown
-            for strand, one, other in zip(ink > 0, across(centre - ink), across(centre + ink), strict=True):
-                for rows in _inked(strand):
-                    _add_fleck(path, one[rows], other[rows])
+            one, other = (across(side).reshape(-1, len(points), 2) for side in (centre - ink, centre + ink))
+            # Between two sides, with corners, as grains have them.
+            yield [
+                np.concatenate([one[strand, first:last], other[strand, first:last][::-1]])
+                for strand, first, last in _inked(ink.reshape(-1, len(points)) > 0)
+            ]
 
 
-def _inked(ink: Bool[NDArray[np.bool_], " n"]) -> list[slice]:
-    """Ranges of samples with ink, with the sample before and the one after, where it has run out."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ink, [False]]).astype(int)))
-    return [slice(max(a - 1, 0), b + 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
-
-
-def _add_fleck(path: Any, one: Float[Array, "n 2"], other: Float[Array, "n 2"]) -> None:
-    """Adds a fleck between two sides; it has corners, as grains have."""
-    path.moveTo(*one[0].tolist())
-    for point in [*one[1:].tolist(), *other[::-1].tolist()]:
-        path.lineTo(*point)
-    path.close()
+def _inked(ink: Bool[NDArray[np.bool_], "s n"]) -> Iterator[tuple[int, int, int]]:
+    """Runs of samples with ink: the strand, and where they start and stop with a sample on both sides without."""
+    flags = np.pad(ink, ((0, 0), (1, 1))).ravel()
+    strands, samples = (some.tolist() for some in np.divmod(np.flatnonzero(flags[1:] != flags[:-1]), ink.shape[1] + 2))
+    for strand, first, last in zip(strands[::2], samples[::2], samples[1::2], strict=True):
+        yield strand, max(first - 1, 0), last + 1
 
 
 PENCIL = Dry(

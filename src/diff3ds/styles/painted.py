@@ -1,6 +1,6 @@
 """What a style paints of the strokes of one view: filled outlines, and the box of them all."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -8,13 +8,14 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.page.drawn_paths import DrawnPath
-from diff3ds.page.ink_outlines import fit_sides
+from diff3ds.page.ink_outlines import Contour, fit_sides, smooth_sides
 from diff3ds.page.lines import MARGIN, Line, lines_of
 from diff3ds.page.noise import seed_of
-from diff3ds.page.sheet.ink_boxes import Box, union
+from diff3ds.page.sheet.ink_boxes import Box, box_of_outlines, union
 from diff3ds.page.union import cubics_of, pathops, within
 from diff3ds.project import Strokes2D
 from diff3ds.sketch import Sketch
+from diff3ds.styles.pixels import Area
 from diff3ds.styles.style import InkMark, Mark, Page, Style
 from diff3ds.svg.layer_groups import Group
 
@@ -47,11 +48,57 @@ class Painted(NamedTuple):
         """Of the outline, pixels."""
         return _box(self.path)
 
+    def moved(self, zoom: float, x: float, y: float) -> "Painted":
+        """Scaled, then shifted."""
+        return self._replace(path=self.path.transform(zoom, 0, 0, zoom, x, y))
+
     def drawn(self, stroke: int) -> DrawnPath:
         """As cubics, as what is drawn of a stroke."""
         r, g, b = self.color
         curves, multiplied = cubics_of(self.path), self.multiplied
         return DrawnPath((stroke,), curves, True, None, (r, g, b), self.opacity, multiplied=multiplied)
+
+
+class Inked(NamedTuple):
+    """What `Painted` is, for pixels: outlines are neither joined nor cut.
+
+    Attributes:
+        mark: what is painted.
+        page: (height, width) of the view, pixels.
+        color: RGB in [0, 1].
+        opacity: in [0, 1].
+        move: scale, then shift, from where the mark is to the page, pixels.
+    """
+
+    mark: Mark
+    page: tuple[int, int]
+    color: Sequence[float]
+    opacity: float
+    move: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+    @property
+    def box(self) -> Box | None:
+        """Of what the view shows of it, pixels, before it is moved."""
+        box = box_of_outlines(self.mark.outlines)
+        if box is None or _holds(self.page, box):
+            return box
+        path = _on_page(self.mark.path, self.page)
+        return None if path is None else _box(path)
+
+    def moved(self, zoom: float, x: float, y: float) -> "Inked":
+        """Scaled, then shifted."""
+        scale, u, v = self.move
+        return self._replace(move=(zoom * scale, zoom * u + x, zoom * v + y))
+
+    def area(self, corner: tuple[float, float], cut: bool) -> Area:
+        """On a page on which the view begins there; cut: whether what leaves the view is left out."""
+        scale, shift = self.move[0], np.add(self.move[1:], corner)
+        outlines, taken = ([scale * each + shift for each in some] for some in (self.mark.outlines, self.mark.taken))
+        frame = None
+        if cut and (box := box_of_outlines(self.mark.outlines)) is not None and not _holds(self.page, box):
+            height, width = self.page
+            frame = shift[0], shift[1], scale * width + shift[0], scale * height + shift[1]
+        return Area(outlines, self.color, self.opacity, self.mark.multiplied, taken, frame)
 
 
 class Strokes(NamedTuple):
@@ -100,22 +147,34 @@ class SeenStrokes:
         Args:
             ground: RGB of what lies below.
         """
-        made = iter(self._marks([(stroke, k) for stroke, some in self.lines.items() for k in range(len(some))]))
-        found: dict[int, list[Painted]] = {}
+        found = {
+            stroke: [
+                Painted(path, color, mark.opacity * opacity, mark.multiplied)
+                for mark in marks
+                if (path := _on_page(mark.path, self.page.size)) is not None
+            ]
+            for stroke, marks, color, opacity in self._colored(ground, fit_sides)
+        }
+        return {stroke: painted for stroke, painted in found.items() if painted}
+
+    def inked(self, ground: Sequence[float]) -> dict[int, list[Inked]]:
+        """As `painted`, for pixels."""
+        return {
+            stroke: [Inked(mark, self.page.size, color, mark.opacity * opacity) for mark in marks]
+            for stroke, marks, color, opacity in self._colored(ground, smooth_sides)
+        }
+
+    def _colored(
+        self, ground: Sequence[float], sides: Callable[[Iterable[Contour]], None]
+    ) -> Iterator[tuple[int, list[Mark], list[float], float]]:
+        """The marks of each stroke, the lowest first, with its colour and opacity."""
+        made = iter(self._marks([(stroke, k) for stroke, some in self.lines.items() for k in range(len(some))], sides))
         for stroke, some in self.lines.items():
             layers = [next(made) for _ in some]
             fade = FADE * self.depth_cue * self.far.mean(some)
             color = [c + fade * (g - c) for c, g in zip(self.sketch.color[stroke].tolist(), ground, strict=True)]
-            opacity = float(self.sketch.opacity[stroke])
-            painted = [
-                Painted(path, color, mark.opacity * opacity, mark.multiplied)
-                for marks in zip(*layers, strict=True)
-                for mark in marks
-                if (path := _on_page(mark.path, self.page.size)) is not None
-            ]
-            if painted:
-                found[stroke] = painted
-        return found
+            marks = [mark for marks in zip(*layers, strict=True) for mark in marks]
+            yield stroke, marks, color, float(self.sketch.opacity[stroke])
 
     def box(self) -> Box | None:
         """The box of all that is painted, pixels: only lines that may reach its sides are drawn for it."""
@@ -141,15 +200,17 @@ class SeenStrokes:
         (x0, y0), (x1, y1) = line.points.min(0) - most, line.points.max(0) + most
         return max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
 
-    def _marks(self, names: Sequence[tuple[int, int]]) -> list[list[Mark]]:
-        """The marks of lines, each given by its stroke and its number there."""
+    def _marks(
+        self, names: Sequence[tuple[int, int]], sides: Callable[[Iterable[Contour]], None] = fit_sides
+    ) -> list[list[Mark]]:
+        """The marks of lines, each given by its stroke and its number there; sides: what gives sides their cubics."""
         found = []
         for stroke, k in names:
             line = self.lines[stroke][k]
             thinned = replace(line, half_width=line.half_width * (1 - THIN * self.depth_cue * self.far(line.depth)))
             found.append(self.style.marks(thinned, self.page, seed_of(self.page.seed, stroke, k)))
         inked = [mark for marks in found for mark in marks if isinstance(mark, InkMark)]
-        fit_sides(contour for mark in inked for contour in mark.contours)
+        sides(contour for mark in inked for contour in mark.contours)
         return found
 
 
@@ -172,6 +233,12 @@ class _Distance:
         return float(sum(middles)) / total
 
 
+def _holds(page: tuple[int, int], box: Box) -> bool:
+    height, width = page
+    x0, y0, x1, y1 = box
+    return x0 >= 0 and y0 >= 0 and x1 <= width and y1 <= height
+
+
 def _box(path: Any) -> Box:
     x0, y0, x1, y1 = path.bounds
     return x0, y0, x1, y1
@@ -182,8 +249,7 @@ def _on_page(path: Any, size: tuple[int, int]) -> Any:
     height, width = size
     if not list(path.segments):
         return None
-    x0, y0, x1, y1 = path.bounds
-    if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
+    if not _holds(size, path.bounds):
         page = pathops().Path()
         page.moveTo(0, 0)
         for corner in ((width, 0), (width, height), (0, height)):

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar, Unpack
 
+from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.curves.join import Joined, join_smooth
 from diff3ds.page.drawn_paths import DrawnPath
@@ -17,8 +18,9 @@ from diff3ds.page.sheet.views_grid import check_page, hexadecimal
 from diff3ds.page.union import pathops, svg_data
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.styles.painted import Painted, SeenStrokes, Strokes
+from diff3ds.styles.painted import Inked, Painted, SeenStrokes, Strokes
 from diff3ds.styles.paper import WARM, Fibres, paper_fibres
+from diff3ds.styles.pixels import Area, painted_pixels
 from diff3ds.styles.style import Page, Style
 from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
 from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes
@@ -30,6 +32,7 @@ NEAR, TURN = 2e-4, math.radians(30)
 # pens, are right to a thousandth. [empirical]
 LOOKS = 2
 Held = TypeVar("Held")
+Ink = TypeVar("Ink", Painted, Inked)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +60,7 @@ class Styled:
     @property
     def fibres(self) -> list[Fibres]:
         """What lies on the ground, in pixels of the page."""
-        if self.paper is None:
-            return []
-        width, height = self.layout.size
-        return paper_fibres((height, width), _paper_unit(self.layout.cameras), self.paper)
+        return fibres_on(self.layout, self.paper)
 
     def drawn(self) -> list[dict[Group, list[DrawnPath]]]:
         """The paths of each view in layers."""
@@ -143,15 +143,26 @@ def styled_svg(
         ImportError: the extra `styles` is not installed.
         ValueError: no cameras, sketch and cameras on different devices, or a value out of range.
     """
-    how: dict[str, Any] = {
+    asked: Asked = {
         "width": width,
         "seed": seed,
         "depth_cue": depth_cue,
         "paper": paper,
         "background": background,
+        "page": page,
     }
-    how |= {"layers": layers, "numbers": numbers}
-    return styled(sketch, cameras, style, page=page, **how).svg()
+    return styled(sketch, cameras, style, layers=layers, numbers=numbers, **asked).svg()
+
+
+class Asked(TypedDict):
+    """What `styled_svg` is told beside sketch, cameras and style."""
+
+    width: float
+    seed: int
+    depth_cue: float
+    paper: bool
+    background: Sequence[float] | None
+    page: PageSetup | None
 
 
 def styled(
@@ -159,67 +170,121 @@ def styled(
     cameras: Cameras,
     style: Style,
     *,
-    width: float,
-    seed: int,
-    depth_cue: float,
-    paper: bool,
-    background: Sequence[float] | None,
-    page: PageSetup | None,
     layers: Sequence[Group] | Sequence[Sequence[Group]] | None = None,
     numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
     alone: bool = False,
+    **asked: Unpack[Asked],
 ) -> Styled:
     """As `styled_svg`, before it becomes text.
 
     Args:
-        sketch: as there, as are the next ten.
+        sketch: as there, as are the others but for the last.
         alone: whether each view has a page of its own.
 
     Raises:
         ImportError, ValueError: as there.
     """
-    if not 0 < width < math.inf:
-        raise ValueError(f"width must be positive, got {width}")
-    if not 0 <= depth_cue <= 1:
-        raise ValueError(f"depth_cue must be from 0 to 1, got {depth_cue}")
-    sketches = check_page(sketch, cameras, background, TOLERANCE)
-    pathops()
     one, count = isinstance(sketch, Sketch), len(cameras)
     named: list[Any] = [layers] * count if layers is None or one else list(layers)
     called: list[Any] = [numbers] * count if numbers is None or one else list(numbers)
-    joined = [
-        _joined(each, width, [()] * len(each) if groups is None else list(groups))
-        for each, groups in zip(sketches, named, strict=True)
-    ]
-    if paper and background is not None and tuple(background) == (1.0, 1.0, 1.0):
-        background = WARM
-    per_mm = PIXELS_PER_MM_OF_SCREENS if page is None else PIXELS_PER_MM
+    sheet = _Sheet(sketch, cameras, style, named, alone, asked)
+    views = sheet.fitted([view.painted(sheet.ground) for view in sheet.seen()])
+    kept = KEPT[:1] if asked["depth_cue"] == 0 else ()
+    return Styled(sheet.layout, sheet.joined, views, sheet.background, sheet.paper, called, kept)
 
-    def seen(cameras: Cameras, widen: float) -> Iterator[SeenStrokes]:
-        for view, each in enumerate(joined):
+
+def styled_pixels(
+    sketch: Sketch | Sequence[Sketch],
+    cameras: Cameras,
+    style: Style,
+    *,
+    pixels_per_mm: float = PIXELS_PER_MM_OF_SCREENS,
+    **asked: Unpack[Asked],
+) -> Float[Tensor, "H W C"]:
+    """The page of `styled_svg` as a picture, RGB, or where there is no background as straight RGBA.
+
+    Args:
+        sketch: as there, as are the others but for this one.
+        pixels_per_mm: of the picture, where there is a page; otherwise it is as large as the views.
+
+    Raises:
+        ImportError, ValueError: as there.
+    """
+    sheet = _Sheet(sketch, cameras, style, [None] * len(cameras), False, asked)
+    views = sheet.fitted([view.inked(sheet.ground) for view in sheet.seen()])
+    layout = sheet.layout
+    scale = 1.0 if layout.pixels_per_mm is None else pixels_per_mm / layout.pixels_per_mm
+    width, height = (max(round(scale * side), 1) for side in layout.size)
+    areas = [Area.of(fibres.drawn()) for fibres in fibres_on(layout, sheet.paper)]
+    # A view that is all of the picture is cut with it.
+    cut = layout.pixels_per_mm is not None or len(views) > 1
+    for corner, strokes in zip(layout.corners, views, strict=True):
+        areas += [inked.area(corner, cut) for some in strokes.values() for inked in some]
+    return painted_pixels(areas, (height, width), sheet.background, scale)
+
+
+class _Sheet:
+    """Strokes joined, and laid out on a page.
+
+    Raises:
+        ValueError: as `styled_svg`.
+    """
+
+    def __init__(
+        self,
+        sketch: Sketch | Sequence[Sketch],
+        cameras: Cameras,
+        style: Style,
+        layers: Sequence[Sequence[Group] | None],
+        alone: bool,
+        asked: Asked,
+    ) -> None:
+        width, depth_cue, background = asked["width"], asked["depth_cue"], asked["background"]
+        if not 0 < width < math.inf:
+            raise ValueError(f"width must be positive, got {width}")
+        if not 0 <= depth_cue <= 1:
+            raise ValueError(f"depth_cue must be from 0 to 1, got {depth_cue}")
+        sketches = check_page(sketch, cameras, background, TOLERANCE)
+        pathops()
+        self.style, self.page, self.depth_cue, self.seed = style, asked["page"], depth_cue, seed_of(asked["seed"])
+        self.joined = [
+            _joined(each, width, [()] * len(each) if groups is None else list(groups))
+            for each, groups in zip(sketches, layers, strict=True)
+        ]
+        self.paper = self.seed if asked["paper"] else None
+        warm = asked["paper"] and background is not None and tuple(background) == (1.0, 1.0, 1.0)
+        self.background = WARM if warm else background
+        self.layout = lay_out(
+            cameras, self.page, lambda *how: (view.box() for view in self._seen(*how)), alone=alone, looks=LOOKS
+        )
+
+    @property
+    def ground(self) -> Sequence[float]:
+        """RGB of what lies below."""
+        return self.background or (1.0, 1.0, 1.0)
+
+    def seen(self) -> Iterator[SeenStrokes]:
+        """The strokes of each view in its place."""
+        return self._seen(self.layout.cameras, self.layout.widen)
+
+    def _seen(self, cameras: Cameras, widen: float) -> Iterator[SeenStrokes]:
+        per_mm = PIXELS_PER_MM_OF_SCREENS if self.page is None else PIXELS_PER_MM
+        for view, each in enumerate(self.joined):
             wide = each._replace(sketch=widened(each.sketch, widen))
-            sheet = Page(cameras.size, per_mm, seed_of(seed))
-            yield SeenStrokes(wide, project(wide.sketch, cameras[view]), style, sheet, depth_cue)
+            sheet = Page(cameras.size, per_mm, self.seed)
+            yield SeenStrokes(wide, project(wide.sketch, cameras[view]), self.style, sheet, self.depth_cue)
 
-    layout = lay_out(cameras, page, lambda *how: (view.box() for view in seen(*how)), alone=alone, looks=LOOKS)
-    ground = background or (1.0, 1.0, 1.0)
-    views = [view.painted(ground) for view in seen(layout.cameras, layout.widen)]
-    box = union(painted.box for strokes in views for some in strokes.values() for painted in some)
-    if page is not None and page.fit != "none" and box is not None:
-        views = _moved(views, *to_frame(box, layout.frame, page.fit))
-    kept = KEPT[:1] if depth_cue == 0 else ()
-    return Styled(layout, joined, views, background, seed_of(seed) if paper else None, called, kept)
-
-
-def _moved(
-    views: list[dict[int, list[Painted]]], zoom: float, shift: tuple[float, float]
-) -> list[dict[int, list[Painted]]]:
-    """Outlines by the little that is left to their place: ink does not grow with a picture to the last digit."""
-    move = (zoom, 0, 0, zoom, *shift)
-    return [
-        {name: [each._replace(path=each.path.transform(*move)) for each in some] for name, some in strokes.items()}
-        for strokes in views
-    ]
+    def fitted(self, views: list[dict[int, list[Ink]]]) -> list[dict[int, list[Ink]]]:
+        """Outlines moved by the little that is left to their place: ink does not quite grow with a picture."""
+        if self.page is None or self.page.fit == "none":
+            return views
+        box = union(each.box for strokes in views for some in strokes.values() for each in some)
+        if box is None:
+            return views
+        zoom, shift = to_frame(box, self.layout.frame, self.page.fit)
+        return [
+            {name: [each.moved(zoom, *shift) for each in some] for name, some in strokes.items()} for strokes in views
+        ]
 
 
 def _joined(sketch: Sketch, width: float, groups: Sequence[Group]) -> Strokes:
@@ -260,6 +325,10 @@ def _path(painted: Painted, at: tuple[float, float]) -> str:
     return f'<path d="{svg_data(path)}" {style}/>'
 
 
-def _paper_unit(cameras: Cameras) -> float:
-    """As `Page.unit`."""
-    return cameras.size[0] / 512
+def fibres_on(layout: Layout, seed: int | None) -> list[Fibres]:
+    """The fibres of a page, in its pixels; without a seed there are none."""
+    if seed is None:
+        return []
+    width, height = layout.size
+    # As `Page.unit`.
+    return paper_fibres((height, width), layout.cameras.size[0] / 512, seed)

@@ -6,6 +6,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds._svg import DPI
 from diff3ds.camera import Cameras
 from diff3ds.page.sheet.page_setup import PageSetup
+from diff3ds.render.backends import kernels
 from diff3ds.sketch import Sketch
 from diff3ds.styles import (
     CHARCOAL,
@@ -21,7 +22,7 @@ from diff3ds.styles import (
     stretched,
     svg_pixels,
 )
-from diff3ds.styles.styled_svg import Styled, styled
+from diff3ds.styles.styled_svg import Asked, Styled, styled, styled_pixels
 from diff3ds.svg.layer_groups import Group
 from diff3ds.tasks.style_options import StyleOptions
 
@@ -48,20 +49,8 @@ class Styling:
         numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
     ) -> Styled:
         """As `styled`."""
-        return styled(
-            sketch,
-            cameras,
-            self.style,
-            width=self.options.style_width,
-            seed=self.options.style_seed,
-            depth_cue=self.options.depth_cue,
-            paper=self.options.paper,
-            background=background,
-            page=page,
-            alone=alone,
-            layers=layers,
-            numbers=numbers,
-        )
+        asked = self._asked(background, page)
+        return styled(sketch, cameras, self.style, alone=alone, layers=layers, numbers=numbers, **asked)
 
     def image(
         self,
@@ -72,9 +61,21 @@ class Styling:
         pixels_per_mm: float = DPI / 25.4,
     ) -> Float[Tensor, "H W C"]:
         """One page as RGB, or where there is no background as straight RGBA."""
-        text = self.drawn(sketch, cameras, background, page).svg()
-        pixels = svg_pixels(text, dpi=pixels_per_mm * 25.4)
-        return pixels if background is None else pixels[..., :3]
+        asked = self._asked(background, page)
+        if not hasattr(kernels(), "areas_covered"):
+            pixels = svg_pixels(styled(sketch, cameras, self.style, **asked).svg(), dpi=pixels_per_mm * 25.4)
+            return pixels if background is None else pixels[..., :3]
+        return styled_pixels(sketch, cameras, self.style, pixels_per_mm=pixels_per_mm, **asked)
+
+    def _asked(self, background: Sequence[float] | None, page: PageSetup | None) -> Asked:
+        return {
+            "width": self.options.style_width,
+            "seed": self.options.style_seed,
+            "depth_cue": self.options.depth_cue,
+            "paper": self.options.paper,
+            "background": background,
+            "page": page,
+        }
 
 
 def _style(options: StyleOptions) -> Style:

@@ -45,6 +45,18 @@ def box_of(points: Sequence[Float[Array, "_ 2"]], reach: Sequence[float]) -> Box
     return x0, y0, x1, y1
 
 
+def box_of_outlines(outlines: Iterable[Float[Array, "_ 4 2"] | Float[Array, "_ 2"]]) -> Box | None:
+    """The box of cubics and corners; None of nothing."""
+    some = list(outlines)
+    cubics = np.concatenate([np.zeros((0, 4, 2)), *(each for each in some if each.ndim == 3)])
+    corners = [np.zeros((0, 2)), *(each for each in some if each.ndim == 2)]
+    around = np.concatenate([*corners, cubics[:, 0], cubics[:, 3], _slow_places(cubics)])
+    if not len(around):
+        return None
+    (x0, y0), (x1, y1) = around.min(0).tolist(), around.max(0).tolist()
+    return x0, y0, x1, y1
+
+
 def _slow_places(control: Float[Array, "N 4 2"]) -> Float[Array, "two_N 2"]:
     """Where a coordinate of a cubic has no slope, or its start: first one place of each cubic, then the other."""
     a, b, c, d = np.moveaxis(control, 1, 0)

@@ -2,14 +2,18 @@
 
 from dataclasses import fields
 
-from diff3ds._shapes import Float, Tensor
+import numpy as np
+
+from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.render.areas import on_cpu, on_cuda
+from diff3ds.render.areas.flat_contours import layer_edges
 from diff3ds.render.areas.layer_kernels import drawn
 from diff3ds.render.areas.painted_layers import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, check_layers
 from diff3ds.render.areas.painting import painted
-from diff3ds.render.backends import Backend, available_backends, choose_backend
+from diff3ds.render.areas.pixel_areas import covered
+from diff3ds.render.backends import Backend, available_backends, choose_backend, kernels
 
-__all__ = ["EVEN_ODD", "LINEAR", "NONZERO", "PLAIN", "RADIAL", "STROKE", "Layers", "draw_layers"]
+__all__ = ["EVEN_ODD", "LINEAR", "NONZERO", "PLAIN", "RADIAL", "STROKE", "Layers", "covered_pixels", "draw_layers"]
 
 
 def draw_layers(
@@ -46,3 +50,26 @@ def draw_layers(
     if chosen == "reference":
         return painted(layers, width, height, background)
     return drawn(on_cuda if chosen == "cuda" else on_cpu, layers, width, height, background)
+
+
+def covered_pixels(
+    layers: Layers, width: int, height: int, *, backend: Backend | None = None
+) -> list[tuple[Int[Index, " n"], Float[Array, " n"]]]:
+    """What each layer covers: pixels, row by row one after the other, and how much of each, in (0, 1]; on the CPU.
+
+    For those who paint in ways that `draw_layers` does not know. Has no gradients.
+
+    Raises:
+        TypeError, ValueError: as `draw_layers`.
+    """
+    check_layers(layers, (width, height), None)
+    fast = hasattr(kernels(), "areas_covered")
+    if fast and choose_backend(backend, layers.points.device, layers.points.dtype) == "cpu":
+        return on_cpu.covered(layers.values(), layers.tables(), (width, height))
+    found = []
+    for row, rule in enumerate(layers.layers[:, 2].tolist()):
+        edges = layer_edges(layers, row).detach().double()
+        share = covered(edges, rule, width, height).flatten().numpy() if len(edges) else np.zeros(0)
+        pixels = share.nonzero()[0]
+        found.append((pixels, share[pixels]))
+    return found

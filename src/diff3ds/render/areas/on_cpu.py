@@ -3,9 +3,10 @@
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.render.backends import get_num_threads, kernels
 
 
@@ -26,6 +27,14 @@ def backward(state: Any, upstream: Float[Tensor, "H W 4"], want_background: bool
     *gradients, background = _module().areas_backward(state, upstream, want_background)
     made = [torch.from_numpy(g) for g in gradients]
     return *made, None if background is None else torch.from_numpy(background)
+
+
+def covered(
+    values: tuple[Tensor, ...], tables: tuple[Tensor, ...], size: tuple[int, int]
+) -> list[tuple[Int[Index, " n"], Float[Array, " n"]]]:
+    """The pixels of each layer, and how much of each it covers."""
+    first, pixels, shares = _module().areas_covered(values, tables, *size)
+    return list(zip(np.split(pixels, first[1:-1]), np.split(shares, first[1:-1]), strict=True))
 
 
 def _module() -> ModuleType:
