@@ -79,7 +79,7 @@ ALLOWED = {
     "with_surface": {"formats", "render", "surfaces"} | SCENE,
     "notebook": {"formats", "render", "surfaces", "viewer"} | SCENE,
     "svg": HELPERS,
-    "styles": {"curves", "page", "project", "svg"} | SCENE,
+    "styles": {"curves", "page", "project", "render", "svg"} | SCENE,
     "pydiffvg": {"render", "svg"} | SCENE,
     "pictures": {"distortion", "formats", "photogrammetry", "render", "transforms"} | SCENE,
     "edges": {"curves", "distortion", "optimize", "page", "render", "project", "surfaces"} | SCENE,

@@ -12,7 +12,7 @@ from style_pages import CAMERA, circle, stroke
 import diff3ds as ds
 from diff3ds import styles
 from diff3ds.page.sheet.page_setup import PageSetup
-from diff3ds.styles.pixels import Area, painted_pixels
+from diff3ds.styles.inked_areas import Area, painted_pixels
 from diff3ds.styles.styled_svg import styled_pixels
 
 pytestmark = needs("pathops")

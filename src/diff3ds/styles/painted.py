@@ -15,7 +15,7 @@ from diff3ds.page.sheet.ink_boxes import Box, box_of_outlines, union
 from diff3ds.page.union import cubics_of, pathops, within
 from diff3ds.project import Strokes2D
 from diff3ds.sketch import Sketch
-from diff3ds.styles.pixels import Area
+from diff3ds.styles.inked_areas import Area
 from diff3ds.styles.style import InkMark, Mark, Page, Style
 from diff3ds.svg.layer_groups import Group
 
@@ -93,7 +93,9 @@ class Inked(NamedTuple):
     def area(self, corner: tuple[float, float], cut: bool) -> Area:
         """On a page on which the view begins there; cut: whether what leaves the view is left out."""
         scale, shift = self.move[0], np.add(self.move[1:], corner)
-        outlines, taken = ([scale * each + shift for each in some] for some in (self.mark.outlines, self.mark.taken))
+        outlines, taken = self.mark.outlines, self.mark.taken
+        if scale != 1 or shift.any():
+            outlines, taken = ([scale * each + shift for each in some] for some in (outlines, taken))
         frame = None
         if cut and (box := box_of_outlines(self.mark.outlines)) is not None and not _holds(self.page, box):
             height, width = self.page

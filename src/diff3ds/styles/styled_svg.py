@@ -18,9 +18,9 @@ from diff3ds.page.sheet.views_grid import check_page, hexadecimal
 from diff3ds.page.union import pathops, svg_data
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.styles.inked_areas import Area, painted_pixels
 from diff3ds.styles.painted import Inked, Painted, SeenStrokes, Strokes
 from diff3ds.styles.paper import WARM, Fibres, paper_fibres
-from diff3ds.styles.pixels import Area, painted_pixels
 from diff3ds.styles.style import Page, Style
 from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
 from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes

@@ -1,5 +1,6 @@
 """Inked areas of a page as pixels, painted over each other: what each covers of a pixel is its exact area there."""
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -106,7 +107,7 @@ def _covered(
             shapes.append((area.taken, None))
     outlines = [(outline, width) for shape, width in shapes for outline in shape]
     points = [outline.reshape(-1, 2) for outline, _ in outlines]
-    inner = [_inner(outline)[: None if width is None else 1] for outline, width in outlines]
+    inner = [_inner(outline, width) for outline, width in outlines]
     counts, segments = (np.array([len(each) for each in some], int) for some in (points, inner))
     closed = np.array([width is None for _, width in outlines], int)
     contours = np.stack([counts.cumsum() - counts, counts, segments.cumsum() - segments, segments, closed], 1)
@@ -117,7 +118,7 @@ def _covered(
     layers = Layers(
         torch.tensor(np.concatenate([np.zeros((0, 2)), *points]), dtype=torch.float32),
         torch.tensor(half_widths, dtype=torch.float32),
-        torch.tensor(np.concatenate([np.zeros(0, int), *inner]), dtype=torch.int32),
+        torch.tensor(list(itertools.chain(*inner)), dtype=torch.int32),
         torch.tensor(contours, dtype=torch.int32),
         torch.tensor(rows, dtype=torch.int32),
         transforms=torch.tensor([[[scale, 0, 0], [0, scale, 0]]], dtype=torch.float32),
@@ -130,6 +131,6 @@ def _covered(
     return covered_pixels(layers, size[1], size[0])
 
 
-def _inner(outline: Outline) -> Int[Index, " s"]:
+def _inner(outline: Outline, width: float | None) -> list[int]:
     """Control points between the ends of each part: of cubics, between which lines go, or of lines alone."""
-    return np.tile([2, 0], len(outline)) if outline.ndim == 3 else np.zeros(len(outline), np.int64)
+    return [0] * len(outline) if outline.ndim == 2 else [2, 0] * len(outline) if width is None else [2]
