@@ -1,5 +1,7 @@
 """What vpype makes of files for plotters: it finds nothing to mend, and hardly anything to join or to sort better."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -39,8 +41,8 @@ def lines_of(document):
 
 def travelled(pens):
     """How many paths there are, and how far pens go in the air from one to the next, mm."""
-    ways = [np.linalg.norm(np.subtract([a[0] for a in some[1:]], [a[-1] for a in some[:-1]]), axis=1) for some in pens]
-    return sum(map(len, pens)), sum(float(way.sum()) for way in ways)
+    ways = [np.linalg.norm(a[0] - b[-1]) for some in pens for a, b in zip(some[1:], some[:-1], strict=True)]
+    return sum(map(len, pens)), float(sum(ways))
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
@@ -75,3 +77,35 @@ def test_vpype_has_little_to_do(tmp_path, name):
     fewer, shorter = travelled(lines_of(better))
     assert count <= 1.1 * fewer
     assert moved <= 1.1 * shorter
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_several_views_have_one_layer_a_pen(tmp_path, alike):
+    """Views were the outermost groups: vpype made a layer of each, with all colours in it."""
+    import vpype
+
+    red, green, blue = torch.eye(3)
+    sketch = member("castle", torch.Generator().manual_seed(3)).sketch
+    colors = torch.stack([red, green])[torch.arange(len(sketch)) % 2]
+    first = sketch.replace(color=colors)
+    # The second view may have a pen more, which comes first there.
+    second = first if alike else first.replace(color=torch.cat([blue[None], colors[1:]]))
+    cameras = ds.orbit(torch.tensor([35.0, 125.0]), 25.0, 3.0, size=400)
+    told = save_svg(tmp_path / "a.svg", [first, second], cameras, page=PAGE, centerline=True, pen_mm=PEN)
+    document = vpype.read_multilayer_svg(str(tmp_path / "a.svg"), 0.1)
+    wanted = ["1 #ff0000", "2 #00ff00"] + ([] if alike else ["3 #0000ff"])
+    assert list(document.layers) == list(range(1, len(wanted) + 1))
+    assert [layer.metadata["vp_name"] for layer in document.layers.values()] == wanted
+    pens = lines_of(document)
+    # Both views lie side by side in the layers of both.
+    for some in pens[:2]:
+        across = np.concatenate(some)[:, 0]
+        assert across.min() < 70
+        assert across.max() > 78
+    assert travelled(pens) == (told.lifts, pytest.approx(told.moved, abs=0.05))
+    assert apply_finds(tmp_path / "a.svg") == {"view-0", "view-1"}
+
+
+def apply_finds(file):
+    """Which views' paths have ids that lead back to strokes."""
+    return {known.split("-stroke")[0] for known in re.findall(r'id="(view-\d-strokes?-[0-9-]+)', file.read_text())}

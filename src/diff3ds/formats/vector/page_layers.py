@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from diff3ds.camera import Cameras
 from diff3ds.page.drawn_paths import DrawnPath, box_of_paths, drawn_paths
 from diff3ds.page.pens.pen_paths import Travel, pen_paths, travel
@@ -77,8 +79,26 @@ def layered_page(
     looks = 1 if pen is None else LOOKS_OF_PENS
     layout = lay_out(cameras, page, boxes, alone=alone, looks=looks)
     found = list(views(layout.cameras, layout.widen))
-    drawn = [paths for groups in found for paths in groups.values()]
-    return LayeredPage(layout, found, travel(drawn, 1 / (layout.pixels_per_mm or 1.0)) if how.centerline else None)
+    if not how.centerline:
+        return LayeredPage(layout, found, None)
+    # On one page a pen goes from view to view before it is changed.
+    pages = (
+        [[each] for each in zip(found, layout.corners, strict=True)]
+        if alone
+        else [list(zip(found, layout.corners, strict=True))]
+    )
+    drawn = [paths for views_there in pages for paths in _by_pen(views_there)]
+    return LayeredPage(layout, found, travel(drawn, 1 / (layout.pixels_per_mm or 1.0)))
+
+
+def _by_pen(views: Sequence[tuple[dict[Group, list[DrawnPath]], tuple[float, float]]]) -> list[list[DrawnPath]]:
+    """The paths of each pen on a page, in the order of its views, each of which begins at its corner."""
+    found: dict[Group, list[DrawnPath]] = {}
+    for groups, corner in views:
+        for group, paths in groups.items():
+            moved = (path._replace(curves=[curve + np.array(corner) for curve in path.curves]) for path in paths)
+            found.setdefault(group, []).extend(moved)
+    return list(found.values())
 
 
 def a_view(given: Any, sketch: Sketch | Sequence[Sketch], count: int) -> list[Any]:

@@ -61,7 +61,8 @@ def save_svg(
             within layers from the outermost on; far ones come first, and strokes of different layers then lie over each
             other as the layers do. Of several sketches a list for each.
         centerline: for plotters: nothing is filled, hidden or translucent, and each layer is what one pen draws, by
-            default one a colour; names of layers begin with the number of the pen. Strokes that meet within the pen's
+            default one a colour; names of layers begin with the number of the pen, and several views are layers within
+            those of the pens. Strokes that meet within the pen's
             width are one path, with the id "strokes-3-7" of strokes 3 and 7, what lies on ink that is there already is
             left out, and paths are in an order of short ways for the pen.
         pen_mm: how wide the lines of pens are, millimetres on paper; by default as those of most paths.
@@ -86,11 +87,15 @@ def save_svg(
     sketches = a_view(sketch, sketch, len(views))
     rows = [range(len(each)) for each in sketches] if numbers is None else a_view(numbers, sketch, len(views))
     labelled = layers is not None or centerline or any(each.names for each in sketches)
-    lines: list[str] = []
     shown: set[int] = set()
+    elements: list[dict[Group, list[str]]] = []
     for view, (groups, each) in enumerate(zip(views, sketches, strict=True)):
         shown |= {rows[view][stroke] for paths in groups.values() for path in paths for stroke in path.strokes}
-        lines += _view(groups, layout, view, each.names, rows[view], centerline)
+        elements.append(_elements(groups, _prefix(layout, view), layout.corners[view], each.names, rows[view]))
+    if centerline:
+        lines = list(layer_elements(_by_pen(elements), "", ROUND, numbered=True))
+    else:
+        lines = [line for view, groups in enumerate(elements) for line in _view(groups, layout, view)]
     kept = [field for field in kept if field == "color" or not centerline]
     of_image = all(each.width_space == "image" for each in sketches) and not centerline
     tall = layout.cameras.size[0] * layout.widen if of_image else None
@@ -106,30 +111,45 @@ def ground_of(background: Background, centerline: bool) -> Sequence[float] | Non
     return background
 
 
-def _view(
+def _prefix(layout: Layout, view: int) -> str:
+    """Of what belongs to one of several views."""
+    return f"view-{view}-" if len(layout.corners) > 1 else ""
+
+
+def _elements(
     groups: dict[Group, list[DrawnPath]],
-    layout: Layout,
-    view: int,
+    prefix: str,
+    corner: tuple[float, float],
     names: Sequence[str] | None,
     numbers: Sequence[int],
-    pens: bool,
-) -> Iterator[str]:
+) -> dict[Group, list[str]]:
+    """The elements of a view in its layers."""
+    ids = PathIds(prefix, numbers)
+    return {
+        group: [_element(path, ids.of(path.strokes), corner, _label(path, names)) for path in paths]
+        for group, paths in groups.items()
+    }
+
+
+def _view(groups: dict[Group, list[str]], layout: Layout, view: int) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
-    several = len(layout.corners) > 1
-    prefix, (x, y) = f"view-{view}-" if several else "", layout.corners[view]
-    if several:
+    prefix, (x, y) = _prefix(layout, view), layout.corners[view]
+    if prefix:
         height, width = layout.cameras.size
         place = f'x="{_number(x)}" y="{_number(y)}" width="{width}" height="{height}"'
         yield f'<clipPath id="page-{view}"><rect {place}/></clipPath>'
         yield f'<g id="view-{view}" clip-path="url(#page-{view})">'
-    ids = PathIds(prefix, numbers)
-    elements = {
-        group: [_element(path, ids.of(path.strokes), (x, y), _label(path, names)) for path in paths]
-        for group, paths in groups.items()
-    }
-    yield from layer_elements(elements, prefix, ROUND, numbered=pens)
-    if several:
+    yield from layer_elements(groups, prefix, ROUND)
+    if prefix:
         yield "</g>"
+
+
+def _by_pen(views: Sequence[dict[Group, list[str]]]) -> dict[Group, list[str]]:
+    """Several views as layers within those of the pens: programs for plotters take the outermost groups for pens."""
+    if len(views) == 1:
+        return views[0]
+    groups = [(group, view) for view, some in enumerate(views) for group in some]
+    return {(*group[:1], f"view {view}", *group[1:]): views[view][group] for group, view in groups}
 
 
 def _label(path: DrawnPath, names: Sequence[str] | None) -> str:
