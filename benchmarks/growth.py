@@ -135,7 +135,7 @@ def _text(steps: int, folder: Path) -> list[str]:
 JOBS = {
     "render": Job("strokes", (100, 1_000, 10_000), _render),
     "render, larger": Job("pixels", (512**2, 1_600**2, 5_120**2), _render_pixels),
-    "render, ink": Job("strokes", (100, 1_000, 10_000), _ink),
+    "render, ink": Job("strokes", (30, 300, 3_000), _ink),
     "render, turntable": Job("frames", (24, 240, 2_400), _frames),
     "export, STEP": Job("strokes", (100, 1_000, 10_000), _export(".step")),
     "export, page": Job("strokes", (100, 1_000, 10_000), _export(".html")),

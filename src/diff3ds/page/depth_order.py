@@ -31,6 +31,8 @@ _INSIDE = 1 - 1e-9
 _NEXT = 1e-6
 # Places in a circle that is small. [empirical: larger ones need nearly all of their cuts, and more rounds one by one]
 _FEW = 24
+# Pairs of chords that are looked at together: a hundred megabytes.
+BLOCK = 1 << 20
 
 
 class _Chords(NamedTuple):
@@ -189,7 +191,19 @@ class _Closest(NamedTuple):
 
 
 def _close(chords: _Chords, first: NDArray[np.int64], second: NDArray[np.int64]) -> _Closest:
-    """The pairs whose ink meets on the page."""
+    """The pairs whose ink meets on the page: those beside each other, and then those that cross."""
+    beside: list[_Closest] = []
+    over: list[_Closest] = []
+    for start in range(0, len(first), BLOCK):
+        found = _close_of(chords, first[start : start + BLOCK], second[start : start + BLOCK])
+        for kind, closest in zip((beside, over), found, strict=True):
+            kind.append(closest._replace(rows=closest.rows + start))
+    nothing = _Closest(np.zeros(0, np.int64), *np.zeros((3, 0)))
+    return _Closest(*(np.concatenate(column) for column in zip(nothing, *beside, *over, strict=True)))
+
+
+def _close_of(chords: _Chords, first: NDArray[np.int64], second: NDArray[np.int64]) -> tuple[_Closest, _Closest]:
+    """Those of a block, apart."""
     x, y = chords.ends[:, 0, 0], chords.ends[:, 0, 1]
     dx, dy = chords.ends[:, 1, 0] - x, chords.ends[:, 1, 1] - y
     wx, wy = x[second] - x[first], y[second] - y[first]
@@ -206,8 +220,9 @@ def _close(chords: _Chords, first: NDArray[np.int64], second: NDArray[np.int64])
     beside = _ends(*(column[rows] for column in (wx, wy, ux, uy, vx, vy)))
     meet = beside[2] < reach[rows]
     over = np.flatnonzero(crossing)
-    found = [(rows[meet], *(column[meet] for column in beside)), (over, s[over], t[over], np.zeros(len(over)))]
-    return _Closest(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return _Closest(rows[meet], *(column[meet] for column in beside)), _Closest(
+        over, s[over], t[over], np.zeros(len(over))
+    )
 
 
 def _beside(start: NDArray[np.float64], cross: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.bool_]:
