@@ -12,6 +12,7 @@ import diff3ds as ds
 from diff3ds.curves.shapes.curve_set import curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.first_curves import edge_points, first_curves
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
     COMPLETED,
@@ -20,11 +21,12 @@ from diff3ds.edges.reconstruct import (
     JOINED,
     NOTHING,
     REFINED,
+    _Scene,
     confirming,
-    first_curves,
     reconstruct,
 )
 from diff3ds.edges.refine import draw_ridges, refined
+from diff3ds.edges.watch import no_report, no_tick, not_said
 
 CAMERAS = around(20, 128)
 HALF, ROTATION = np.array([0.5, 0.4, 0.55]), turned(3)
@@ -168,6 +170,15 @@ def test_first_curves_of_exact_ridges():
     curves = first_curves(VIEWS, confirming(20))
     assert (curves.kind == Kind.LINE).sum() >= 12
     assert np.percentile(distances(sampled(curves), LINES), 95) < 1
+
+
+def test_edges_without_a_bias_are_looked_for_where_they_were_with_it():
+    shifted = [replace(ridge, points=ridge.points + np.array([0.5, -0.4])) for ridge in RIDGES]
+    scene = _Scene(CAMERAS, shifted, confirming(20), 0, no_report, not_said)
+    found = scene.points_without(VIEWS)
+    everywhere = edge_points(VIEWS, scene.cells, confirming(20), lambda stage: no_tick)
+    assert np.percentile(distances(found.points, LINES), 95) < 0.5
+    assert (cKDTree(found.points).query(everywhere.points)[0] < VIEWS.pixel).mean() > 0.97
 
 
 def test_more_views_more_to_confirm():

@@ -15,7 +15,8 @@ from diff3ds.edges.cameras.posed import Posed, held
 from diff3ds.edges.cameras.right_already import gain_unseen
 from diff3ds.edges.evidence.bias import Bias, outline_sides
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.reconstruct import confirming, first_curves
+from diff3ds.edges.first_curves import first_curves
+from diff3ds.edges.reconstruct import confirming
 
 CORNERS = 0.55 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 LINES = [

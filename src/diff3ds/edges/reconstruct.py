@@ -5,13 +5,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import torch
 
-from diff3ds._shapes import Array
+from diff3ds._shapes import Array, Float
 from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
-from diff3ds.curves.shapes.primitives import Primitive
-from diff3ds.edges.clean.own_ridges import with_own_ridges
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
@@ -27,50 +24,34 @@ from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import CHORDS, mean_of_segments, part_support
 from diff3ds.edges.evidence.unexplained import unexplained
-from diff3ds.edges.first.carve import CELL, carve
-from diff3ds.edges.first.circles import find_circles
-from diff3ds.edges.first.ridge_chains import APART, follow_chains
-from diff3ds.edges.first.segment import segmented
-from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
+from diff3ds.edges.first.triangulate import EdgePoints
+from diff3ds.edges.first_curves import MOST_CURVES, cells_near, curves_through, edge_points, first_curves
 from diff3ds.edges.measure.equal_radii import with_equal_circles
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.measure.offsets import PART_SCATTER
 from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.edges.refine import refined
-from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
+from diff3ds.edges.watch import Capped, Report, Tick, no_report, not_said
 
-# [units; derived] Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
-REACH = 1.1
-# [px; empirical] Distances from the flanks of an edge, shortest chain and shortest curve.
-FLANK, SHORTEST_CHAIN, SHORTEST = 1.4, 4.3, 2.8
-# [px; empirical] Shortest curve of the second look.
-SHORTEST_HIDDEN = 8.0
+# [px; empirical] Shortest curve, and that of the second look.
+SHORTEST, SHORTEST_HIDDEN = 2.8, 8.0
 # [views, factor, exponent; empirical] Views that have to confirm an edge: 3 of few, 11 of 50. Edges are hidden in most
 # views, and the more views there are, the smaller is the fraction that chance can bring together. From 12, 25 and 50
 # views.
 FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
-# [ratio; empirical] The scores of points are weighted views.
-SCORE = 0.9
-# [natural logarithms; empirical] Points of photographs are so much likelier to lie on an edge than to have come
-# together by chance: less than curves have to be, in the mean.
-LIKELY_POINT = 6.0
 # A bias smaller than the scatter of ridges is not worth another start; and so many starts at most.
 BIAS, CALIBRATIONS = PART_SCATTER[0], LOOKS
 # [px; empirical] Where the ridges of photographs have moved by more, other curves are found.
 MOVED = 0.2
+# [px; measured] Without their bias edges are looked for so far around where they were with it: on the NeRF chair of 4
+# as everywhere.
+AROUND = 4.0
 # [steps, px; empirical] Steps of each refinement, and how far the first step moves control points.
 STEPS, RATE = 120, 0.09
 # After joining curves are nearer to where they belong.
 SECOND_RATE = 2 / 3 * RATE
-# [curves; speed] More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again
-# and again.
-MOST_CURVES = 1500
-# [curves; speed] Of photographs fewer, and where there are more only those with ridges of their own: a drawing has no
-# more lines.
-MOST_OF_PHOTOGRAPHS = 500
 NO_BIAS = Bias(0.0, 0.0, 0.0)
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
@@ -199,6 +180,23 @@ class _Scene:
         sides = [np.zeros(len(ridge)) for ridge in self.faint or []]
         return Chance.of(edge_views(self.cameras, corrected(self.faint or [], sides, self.bias)), NARROW)
 
+    @cached_property
+    def cells(self) -> Float[Array, "M 3"]:
+        """Where edges may be."""
+        return cells_near(self.views, self.min_views, self.ticks, self.capped)
+
+    @cached_property
+    def points(self) -> EdgePoints:
+        """Points on edges."""
+        return edge_points(self.views, self.cells, self.min_views, self.ticks)
+
+    def points_without(self, views: EdgeViews) -> EdgePoints:
+        """Points on edges by ridges that have lost a bias: those of before lie near them."""
+        from scipy.spatial import cKDTree
+
+        near = cKDTree(self.points.points).query(self.cells)[0] < AROUND * views.pixel
+        return edge_points(views, self.cells[near], self.min_views, self.ticks)
+
     def likely(self, curves: Curves) -> Curves:
         """The curves, of photographs those that have not come together by chance."""
         return likely(curves, self.chance) if self.textured else curves
@@ -247,8 +245,14 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         moved = max(abs(bias.dx), abs(bias.dy), abs(bias.outward)) > MOVED
         if not (moved and reached.stage == 1 if scene.textured else not known):
             return Result(CALIBRATED, curves, bias)
-    views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
-    curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
+        views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
+    else:
+        views = scene.views
+    if start:
+        curves = start
+    else:
+        found = scene.points_without(views) if reached.stage else scene.points
+        curves = curves_through(found, views, scene.ticks, scene.capped, textured=scene.textured)
     if not len(curves):
         raise NoEdgesError(NOTHING)
     return Result(reached.stage + 1, curves, bias)
@@ -291,62 +295,6 @@ def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     told, tick = scene.faintly, scene.ticks("related circles", len(curves))
     curves = with_related_circles(curves, told, scene.outward, tick)
     return with_pockets(curves, told.views, scene.outward, scene.ticks("pockets", len(curves)), told)
-
-
-def first_curves(
-    views: EdgeViews,
-    min_views: float,
-    ticks: Callable[[str], Tick] = lambda stage: no_tick,
-    capped: Capped = not_said,
-    *,
-    most: int = MOST_CURVES,
-    textured: bool = False,
-) -> Curves:
-    """Lines, arcs and cubics through triangulated points, as they come.
-
-    Args:
-        min_views: so many views confirm an edge.
-        ticks: gives for the name of a stage what is told how far it is.
-        capped: see `watch`.
-        most: so many curves, those that the views show most of.
-        textured: points that may have come together by chance go.
-    """
-    cells = carve(views, REACH, CELL * views.pixel, min_views, ticks("carve"), capped)
-    found = triangulate(views, cells, SCORE * min_views, ticks("points on edges"))
-    found = thinned(found, APART * views.pixel, FLANK * views.pixel)
-    chance = Chance.of(views) if textured else None
-    if chance is not None:
-        found = found[chance.evidence(found.points, found.directions) > LIKELY_POINT]
-    tick = ticks("first curves")
-    known: dict[bytes, list[Primitive]] = {}
-
-    def pieces(points: EdgePoints) -> list[Primitive]:
-        chains = follow_chains(points, views.pixel, SHORTEST_CHAIN * views.pixel)
-        for done, chain in enumerate(chains):
-            tick(done, len(chains))
-            # Most chains are the same without the circles.
-            if chain.tobytes() not in known:
-                known[chain.tobytes()] = segmented(chain, views.pixel)
-        return [piece for chain in chains for piece in known[chain.tobytes()]]
-
-    circles, rest = find_circles(found, pieces(found), views.pixel)
-    curves = curves_of([*pieces(rest), *circles])
-    if chance is not None:
-        curves, most = likely(curves, chance), min(most, MOST_OF_PHOTOGRAPHS)
-        # Doubles of some hundred are told apart better when they have been refined.
-        return with_own_ridges(curves, views, most, capped) if len(curves) > most else curves
-    return _best_shown(curves, views, most, capped)
-
-
-def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> Curves:
-    """The curves that the views show most of, if there are very many: by their lengths, times the views."""
-    if len(curves) <= most:
-        return curves
-    capped("curves", most, len(curves))
-    shown = mean_of_segments(curves, part_support(views, curves).double().mean(2).sum(0))
-    lines = curves.at(torch.linspace(0, 1, CHORDS + 1))
-    ink = shown * (lines[:, 1:] - lines[:, :-1]).norm(dim=2).sum(1)
-    return curves[ink.argsort(descending=True, stable=True)[:most].sort().values]
 
 
 def second_look(scene: _Scene, curves: Curves) -> Curves:

@@ -18,7 +18,8 @@ from diff3ds.edges.cameras.right_already import RIGHT, gain_unseen
 from diff3ds.edges.evidence.bias import outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.reconstruct import confirming, first_curves
+from diff3ds.edges.first_curves import first_curves
+from diff3ds.edges.reconstruct import confirming
 from diff3ds.edges.watch import Report, Tick, no_report
 
 # [px; empirical] Sides of the pixels that are looked at in turn, the last ones again. The edges of cameras that are off
