@@ -9,6 +9,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float
 from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
+from diff3ds.edges.clean.rounded_faces import without_rounded_faces
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
@@ -292,6 +293,7 @@ def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     if not scene.textured:
         return curves
     curves = whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
+    curves = without_rounded_faces(curves)
     told, tick = scene.faintly, scene.ticks("related circles", len(curves))
     curves = with_related_circles(curves, told, scene.outward, tick)
     return with_pockets(curves, told.views, scene.outward, scene.ticks("pockets", len(curves)), told)
