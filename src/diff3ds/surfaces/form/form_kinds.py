@@ -249,6 +249,12 @@ def _round(kind: FormKind, middle: Array, axis: Array, x: Array, normals: Array)
     return form(kind, center, axis, np.abs(radius))
 
 
+def cylinder_along(axis: Float[Array, " 3"], points: Float[Array, "K 3"], normals: Float[Array, "K 3"]) -> Form:
+    """The cylinder along an axis that points and alike oriented normals say."""
+    middle = points.mean(0)
+    return _round(FormKind.CYLINDER, middle[None], axis[None], (points - middle)[None], normals[None])[0]
+
+
 def _torus(middle: Array, x: Array, normals: Array) -> Form:
     """Tori about the axis that all normals pass nearest to (Pottmann and Randrup 1998), with a circle for a profile."""
     moment = np.cross(x, normals)

@@ -10,13 +10,15 @@ from diff3ds.surfaces.form.exact_meets import onto
 from diff3ds.surfaces.form.form_kinds import Form, FormKind
 from diff3ds.surfaces.form.free import NONE
 from diff3ds.surfaces.form.samples import Samples
-from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, within
+from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, STANDARD, best_kind, within
 
 # Sweeps over the samples, each of which takes the label that its own place and its neighbours' labels like best; what
 # a neighbour's label counts, all of them together, in squared standard deviations. Empirical.
 SWEEPS, TOGETHER = 6, 6.0
-# Standard deviations in a median distance, and the distance that is rounding, in longest sides.
-STANDARD, ROUNDING = 1.4826, 1e-7
+# A form becomes one of another kind where that makes the mean square distance so much smaller. Empirical.
+OTHER = 1.25
+# The distance that is rounding, in longest sides.
+ROUNDING = 1e-7
 # A normal that is off by `ALIKE` counts as much as a distance of so many thirds of the reach. Empirical.
 TURNED = 4.0
 # Two forms are one where one fits the samples of both nearly as well as each its own. Empirical.
@@ -42,7 +44,7 @@ class Labelled:
 def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
     """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
     label, current = _swept(samples, list(forms))
-    for change in (_merged, _needed, _refitted, _needed, _refitted, _true):
+    for change in (_merged, _needed, _of_best_kinds, _refitted, _needed, _refitted, _true):
         label, current = _swept(samples, change(samples, label, current))
     return Labelled(current, label)
 
@@ -117,6 +119,16 @@ def _refitted(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> l
     return [refitted(samples, one, some_of(samples, label, row)) for row, one in enumerate(forms)]
 
 
+def _of_best_kinds(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    """The forms; those that their samples are farther from than is usual may be of another kind."""
+    off = np.array([_rms(one, some_of(samples, label, row)) for row, one in enumerate(forms)])
+    usual = np.average(off, weights=np.bincount(label[label != NONE], minlength=len(forms))) if len(forms) else 0.0
+    return [
+        best_kind(one, *some_with_normals(samples, label, row), samples, OTHER) if off[row] > usual else one
+        for row, one in enumerate(forms)
+    ]
+
+
 def refitted(samples: Samples, one: Form, points: Float[Array, "S 3"], held: Set[int] = frozenset()) -> Form:
     """The form fitted to its samples, but for numbers that are held, as of `Form.fitted`."""
     scale = within(samples) / 2
@@ -130,6 +142,15 @@ def some_of(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array,
     """Points of a form's samples, as many as a fit looks at."""
     places = samples.places(np.flatnonzero(label == row))
     return places[np.unique(np.linspace(0, len(places) - 1, REFITTED).astype(int))]
+
+
+def some_with_normals(
+    samples: Samples, label: Int[Index, " N"], row: int
+) -> tuple[Float[Array, "S 3"], Float[Array, "S 3"]]:
+    """Some of a form's samples, as many as a fit looks at, and their normals."""
+    rows = np.flatnonzero(label == row)
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, REFITTED).astype(int))]
+    return samples.points[rows], samples.normals[rows]
 
 
 def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
@@ -168,12 +189,12 @@ def _needed(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> lis
         away = [np.abs(forms[k].distance(points)) for k in np.flatnonzero(count)]
         on_others = (np.min(away, axis=0) < reach).mean() if away else 0.0
         two = [forms[k] for k in np.argsort(-count, kind="stable")[:2] if count[k]]
-        if on_others > RIM or rim[members].mean() > ALL_RIM or _is_rounding(samples, forms[row], points, two):
+        if on_others > RIM or rim[members].mean() > ALL_RIM or is_rounding(samples, forms[row], points, two):
             alive[row] = False
     return [one for one, there in zip(forms, alive, strict=True) if there]
 
 
-def _is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: list[Form]) -> bool:
+def is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: list[Form]) -> bool:
     """Whether a form is no more than what the edge between two others is rounded or bevelled by."""
     if len(two) < 2 or one.kind == FormKind.PLANE:
         return False

@@ -1,16 +1,16 @@
 """What forms share where their samples say so: directions, axes in one line, fillets beside planes, equal radii."""
 
-from dataclasses import replace
-from itertools import combinations
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Index, Int
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.form.form_kinds import OUTLIER, Form, FormKind, frame
-from diff3ds.surfaces.form.labels import refitted, some_of
+from diff3ds.surfaces.form.form_kinds import OUTLIER, TINY, Form, FormKind, cylinder_along, frame
+from diff3ds.surfaces.form.labels import BAND, is_rounding, refitted, some_of, some_with_normals
 from diff3ds.surfaces.form.samples import Samples
-from diff3ds.surfaces.form.search import within
+from diff3ds.surfaces.form.search import LEAST, alike, best_kind, within
 
 # Axes nearer than this, degrees, may be parallel, or at right angles. Empirical.
 NEAR = 2.5
@@ -25,6 +25,11 @@ ROUNDING = 2e-5
 # is at right angles to a plane's normal to this sine, it touches the plane in so many places at least, and so many
 # steps find it. Numerical, but for the places: empirical.
 ACROSS, TOUCHED, STEPS = 1e-6, 4, 12
+# Two planes that a fillet lies between meet at more than this, sine. Empirical.
+APART = 0.25
+# Radii are equal that differ by no more than so many standard deviations, and so much in longest sides beside these;
+# what a radius is moved by to see what its samples say of it, in radii.
+SIGMAS, SAME, STEP = 2.0, 0.0009, 0.05
 # The numbers of a fit, as of `form_kinds.FREE`.
 CENTER, ALONG, AXIS, RADIUS = (0, 1), (2,), (3, 4), (5,)
 
@@ -33,16 +38,22 @@ class _Regular:
     """Forms, of which some numbers are held already."""
 
     def __init__(self, samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> None:
-        self.samples, self.forms = samples, list(forms)
+        self.samples, self.label, self.forms = samples, label, list(forms)
         self.reach = within(samples)
         self.points = [some_of(samples, label, row) for row in range(len(forms))]
         self.weight = np.bincount(label[label >= 0], minlength=len(forms)).astype(float)
-        independent = _independent(samples, label, forms)
-        self.worse = WORSE + CHANCE / np.maximum(independent * self.weight, CHANCE)
+        self.independent = _independent(samples, label, forms)
+        self.worse = [self.allowed(count) for count in self.weight]
         self.held: list[set[int]] = [set() for _ in forms]
-        # Of each cylinder the planes that it is tangent to.
+        # Of each cylinder the planes that it is tangent to, and the points of all that say how.
         self.touching: list[tuple[int, ...]] = [() for _ in forms]
-        self.before = [self._square(one, points) for one, points in zip(forms, self.points, strict=True)]
+        self.around = list(self.points)
+        self.before = [self.square(one, points) for one, points in zip(forms, self.points, strict=True)]
+        self.usual = float(np.average(self.before, weights=self.weight))
+
+    def allowed(self, count: float) -> float:
+        """How much larger what is shared may make the mean square distance of so many samples."""
+        return WORSE + CHANCE / max(self.independent * count, CHANCE)
 
     def try_(self, row: int, changed: Form, hold: tuple[int, ...]) -> bool:
         """Takes a changed form, refitted but for what is held, if its samples allow it."""
@@ -56,9 +67,33 @@ class _Regular:
     def takes(self, row: int, new: Form) -> bool:
         """Whether the samples of a form allow another one."""
         floor = (ROUNDING * self.samples.size) ** 2
-        return bool(self._square(new, self.points[row]) <= self.worse[row] * self.before[row] + floor)
+        return bool(self.square(new, self.points[row]) <= self.worse[row] * self.before[row] + floor)
 
-    def _square(self, one: Form, points: Array) -> float:
+    def with_radius(self, row: int, radius: float) -> Form:
+        """A form with that radius and else nearest to its samples; a fillet stays one."""
+        one = replace(self.forms[row], radius=np.asarray(radius))
+        if not self.touching[row]:
+            return refitted(self.samples, one, self.points[row], self.held[row] | set(RADIUS))
+        planes = [self.forms[k] for k in self.touching[row]]
+        return _tangent_to(self.forms[row], planes, self.around[row], self.reach / 2, radius)
+
+    def try_radius(self, row: int, radius: float) -> None:
+        """Gives a form a radius, if its samples allow it."""
+        new = self.with_radius(row, radius)
+        if self.takes(row, new):
+            self.forms[row] = new
+            self.held[row] |= set(RADIUS)
+
+    def some(self, row: int) -> tuple[Float[Array, "S 3"], Float[Array, "S 3"]]:
+        """Some samples of a form, and their normals."""
+        return some_with_normals(self.samples, self.label, row)
+
+    def sense(self, row: int) -> float:
+        """1 where a round form is seen from outside, -1 where it is hollow, 0 where nothing says which."""
+        points, normals = self.some(row)
+        return float(np.sign((self.forms[row].normal(points) * normals).sum())) if self.samples.oriented else 0.0
+
+    def square(self, one: Form, points: Array) -> float:
         off = one.distance(points)
         return float(np.minimum(off * off, self.reach**2).mean())
 
@@ -82,11 +117,21 @@ def regularised(samples: Samples, label: Int[Index, " N"], forms: list[Form]) ->
     if not forms:
         return forms
     state = _Regular(samples, label, forms)
+    _simpler(state)
     _axes(state)
     _one_line(state)
-    _fillets(state, label)
+    _fillets(state)
     _equal_radii(state)
     return state.forms
+
+
+def _simpler(state: _Regular) -> None:
+    """Forms become simpler ones where their samples do not say more."""
+    for r, one in enumerate(state.forms):
+        points, normals = state.some(r)
+        simple = best_kind(one, points, normals, state.samples, state.worse[r])
+        if simple.kind != one.kind:
+            state.try_(r, simple, ())
 
 
 def _axes(state: _Regular) -> None:
@@ -179,34 +224,72 @@ def _off(first: Form, point: Array) -> float:
     return float(np.linalg.norm(_foot(first, point) - first.center))
 
 
-def _fillets(state: _Regular, label: Int[Index, " N"]) -> None:
-    """Cylinders that nearly go over into planes beside them do so; their radius is that which planes leave them."""
+def _fillets(state: _Regular) -> None:
+    """Round forms that may go over into planes beside them do so; their radius is that which planes leave them."""
     for r, one in enumerate(state.forms):
-        if one.kind != FormKind.CYLINDER or set(CENTER) & state.held[r]:
+        if one.kind in (FormKind.PLANE, FormKind.SPHERE) or set(CENTER) & state.held[r]:
             continue
-        planes = _beside_planes(state.samples, label, r, state.forms, NEAR_REACHES * state.reach)
-        for some in _choices(planes):
-            own = np.concatenate([state.points[k] for k in (r, *some)])
-            tangent = _tangent_to(one, [state.forms[k] for k in some], own, state.reach / 2)
-            if state.takes(r, tangent):
-                state.forms[r], state.touching[r] = tangent, some
-                break
+        touched = _touched(state, r)
+        if not _between_planes(state, r, touched) and one.kind == FormKind.CYLINDER:
+            _beside_plane(state, r, touched)
 
 
-def _beside_planes(samples: Samples, label: Int[Index, " N"], row: int, forms: list[Form], reach: float) -> list[int]:
-    """The planes that a cylinder touches and is nearly tangent to, those that it touches in more places first."""
-    i, j = samples.pairs.T
+def _touched(state: _Regular, row: int) -> list[int]:
+    """The forms that one touches, those that it touches in more places first."""
+    i, j = state.samples.pairs.T
+    label = state.label
     touched = np.concatenate([label[j[label[i] == row]], label[i[label[j] == row]]])
-    count = np.bincount(touched[touched >= 0], minlength=len(forms))
-    one = forms[row]
-    return [
-        k
-        for k in np.argsort(-count, kind="stable").tolist()
-        if count[k] >= TOUCHED
-        and forms[k].kind == FormKind.PLANE
-        and abs(forms[k].axis @ one.axis) < ACROSS
-        and abs(abs(float(forms[k].distance(one.center[None])[0])) - float(one.radius)) < reach
-    ]
+    count = np.bincount(touched[touched >= 0], minlength=len(state.forms))
+    count[row] = 0
+    return [k for k in np.argsort(-count, kind="stable").tolist() if count[k] >= TOUCHED]
+
+
+def _between_planes(state: _Regular, row: int, touched: list[int]) -> bool:
+    """Makes a form a cylinder that touches two planes, the two that its samples say most of, if they allow it."""
+    best, least = None, np.inf
+    samples, normals = state.some(row)
+    normals = alike(state.forms[row], samples, normals)
+    for two in combinations([k for k in touched if state.forms[k].kind == FormKind.PLANE], 2):
+        planes = [state.forms[k] for k in two]
+        axis = np.cross(planes[0].axis, planes[1].axis)
+        third = [state.forms[k] for k in touched if k not in two]
+        inner = _away(samples, third, state)
+        if np.linalg.norm(axis) < APART or inner.sum() < LEAST:
+            continue
+        points = samples[inner]
+        own = np.concatenate([points, *(state.points[k][_away(state.points[k], third, state)] for k in two)])
+        tangent = _tangent_to(cylinder_along(unit(axis), points, normals[inner]), planes, own, state.reach / 2)
+        square = state.square(tangent, points)
+        before = state.square(state.forms[row], points)
+        allowed = state.allowed(len(points)) * max(before, state.usual)
+        small = is_rounding(state.samples, tangent, points, planes)
+        if tangent.radius > 0 and not small and square < min(allowed, least):
+            best, least = (tangent, two, points, own), square
+    if best is None:
+        return False
+    state.forms[row], state.touching[row], state.points[row], state.around[row] = best
+    state.before[row] = least
+    return True
+
+
+def _away(points: Float[Array, "S 3"], forms: list[Form], state: _Regular) -> Bool[Mask, " S"]:
+    """Which points are so far from forms that these' edges, blurred or rounded, have no part in where they are."""
+    off = [np.abs(one.distance(points)) > BAND * state.samples.spacing for one in forms]
+    return np.all([np.ones(len(points), bool), *off], axis=0)
+
+
+def _beside_plane(state: _Regular, row: int, touched: list[int]) -> None:
+    """Makes a cylinder touch a plane to which it is nearly tangent, if its samples allow it."""
+    one = state.forms[row]
+    for k in touched:
+        plane = state.forms[k]
+        off = abs(abs(float(plane.distance(one.center[None])[0])) - float(one.radius))
+        if plane.kind == FormKind.PLANE and abs(plane.axis @ one.axis) < ACROSS and off < NEAR_REACHES * state.reach:
+            own = np.concatenate([state.points[row], state.points[k]])
+            tangent = _tangent_to(one, [plane], own, state.reach / 2)
+            if state.takes(row, tangent):
+                state.forms[row], state.touching[row], state.around[row] = tangent, (k,), own
+                return
 
 
 def _tangent_to(
@@ -246,42 +329,51 @@ def _tangent_to(
     return replace(one, center=one.center + now[:2] @ across, radius=np.asarray(now[2]))
 
 
-def _choices(planes: list[int]) -> list[tuple[int, ...]]:
-    """Pairs of the planes, then each alone."""
-    return [*combinations(planes, 2), *((k,) for k in planes)]
-
-
 def _equal_radii(state: _Regular) -> None:
-    """Cylinders, spheres and tori of nearly one radius get the mean of them."""
-    for kind in (FormKind.CYLINDER, FormKind.SPHERE, FormKind.TORUS):
-        rows = sorted(
-            (r for r, one in enumerate(state.forms) if one.kind == kind), key=lambda r: float(state.forms[r].radius)
-        )
-        group: list[int] = []
-        for r in [*rows, None]:
-            if r is not None and (not group or _alike(state, group, r)):
-                group.append(r)
-                continue
-            if len(group) > 1:
-                weights = [state.weight[k] for k in group]
-                radius = np.average([state.forms[k].radius for k in group], weights=weights)
-                for k in group:
-                    _with_radius(state, k, float(radius))
-            group = [] if r is None else [r]
+    """Forms of one sort whose radii differ by no more than chance get the mean of them."""
+    sorts: dict[tuple[int, bool, float], list[int]] = {}
+    for r, one in enumerate(state.forms):
+        if one.kind in (FormKind.CYLINDER, FormKind.SPHERE, FormKind.TORUS):
+            sorts.setdefault((one.kind, bool(state.touching[r]), state.sense(r)), []).append(r)
+    for rows in sorts.values():
+        groups = [_Radius(*_radius(state, r), [r]) for r in rows]
+        while len(groups) > 1:
+            groups.sort(key=lambda g: g.mean)
+            apart = [_apart(state, a, b) for a, b in pairwise(groups)]
+            k = int(np.argmin(apart))
+            if apart[k] > 1:
+                break
+            groups[k : k + 2] = [_both(*groups[k : k + 2])]
+        for group in groups:
+            for r in group.rows if len(group.rows) > 1 else ():
+                state.try_radius(r, group.mean)
 
 
-def _with_radius(state: _Regular, row: int, radius: float) -> None:
-    """Gives a form a radius, if its samples allow it; a fillet stays one."""
-    if not state.touching[row]:
-        state.try_(row, replace(state.forms[row], radius=radius), RADIUS)
-        return
-    planes = [state.forms[k] for k in state.touching[row]]
-    own = np.concatenate([state.points[k] for k in (row, *state.touching[row])])
-    tangent = _tangent_to(state.forms[row], planes, own, state.reach / 2, radius)
-    if state.takes(row, tangent):
-        state.forms[row] = tangent
+@dataclass(frozen=True)
+class _Radius:
+    """A radius of some forms, and the square of how far chance sets it off."""
+
+    mean: float
+    variance: float
+    rows: list[int]
 
 
-def _alike(state: _Regular, group: list[int], row: int) -> bool:
-    apart = abs(float(state.forms[row].radius) - float(state.forms[group[0]].radius))
-    return bool(apart < 0.5 * NEAR_REACHES * state.reach)
+def _radius(state: _Regular, row: int) -> tuple[float, float]:
+    """The radius of a form, and the square of how far chance sets it off: what its samples say against another one."""
+    one = state.forms[row]
+    radius = float(one.radius)
+    step = STEP * radius
+    grown = [state.square(state.with_radius(row, radius + way * step), state.points[row]) for way in (-1, 1)]
+    least = max(state.square(one, state.points[row]), (ROUNDING * state.samples.size) ** 2)
+    bend = max((sum(grown) / 2 - least) / step**2, TINY)
+    return radius, least / (bend * max(state.independent * state.weight[row], 1))
+
+
+def _apart(state: _Regular, a: _Radius, b: _Radius) -> float:
+    """How far two radii are apart, in what chance and what samples leave out may set them apart."""
+    return abs(a.mean - b.mean) / float(np.hypot(SIGMAS * np.sqrt(a.variance + b.variance), SAME * state.samples.size))
+
+
+def _both(a: _Radius, b: _Radius) -> _Radius:
+    w, v = 1 / a.variance, 1 / b.variance
+    return _Radius((w * a.mean + v * b.mean) / (w + v), 1 / (w + v), a.rows + b.rows)

@@ -81,6 +81,11 @@ class Samples:
         ones = np.ones(2 * len(i), np.float32)
         return coo_matrix((ones, (np.r_[i, j], np.r_[j, i])), shape=(len(self), len(self))).tocsr()
 
+    @cached_property
+    def middle(self) -> Float[Array, " 3"]:
+        """The mean of all samples."""
+        return np.asarray(self.points.mean(0))
+
     @classmethod
     def of_mesh(cls, mesh: TriangleMesh) -> "Samples":
         """The vertices of a mesh, whose edges say which are neighbours; of one of few faces the middles of these.

@@ -1,6 +1,5 @@
 """Which forms a surface is made of: fitted to patches of it, the best of them grown and refitted, one by one."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +28,8 @@ GROWN, GROWING, REFITTED = 6, 500, 1500
 ROUGH = 1e-4
 # A kind with more numbers is taken where it makes the mean square distance so much smaller. Empirical.
 BETTER = 1.12
+# Standard deviations in a median distance.
+STANDARD = 1.4826
 # A form rounder than this, in longest sides, is flat. Empirical.
 ROUNDEST = 4.0
 
@@ -65,7 +66,6 @@ class _Search:
         self.free = np.ones(len(samples), bool)
         self.found: list[Found] = []
         self.tree = cKDTree(samples.points)
-        self.middle = samples.points.mean(0)
         self.reach = within(samples)
         self.least = max(LEAST, int(LEAST_SHARE * len(samples)))
 
@@ -110,25 +110,12 @@ class _Search:
             sign = np.sign(np.einsum("mki,mi->mk", own, normals[seeds]))
             for fitted in fits_of_patches(points[near], own * np.where(sign == 0, 1, sign)[..., None]):
                 on = (np.abs(fitted.distance(points[near])) < self.reach).mean(1) > LEAST_ON
-                keep = np.flatnonzero(on & self._sound(fitted))
+                keep = np.flatnonzero(on & sound(self.samples, fitted))
                 for block in np.split(keep, range(BLOCK, len(keep), BLOCK)):
                     many = fitted[block]
                     weights.append(self._weights(many, points[compared], normals[compared]).astype(np.float32))
                     forms += [many[row] for row in range(len(block))]
         return forms, np.concatenate(weights or [np.zeros((0, len(compared)), np.float32)])
-
-    def _sound(self, form: Form) -> Bool[Mask, "*b"]:
-        """Whether forms are what their kind says, and not nearly a simpler one."""
-        size = self.samples.size
-        ok = np.isfinite(form.center).all(-1) & np.isfinite(form.radius)
-        ok &= np.linalg.norm(form.center - self.middle, axis=-1) < 100 * size
-        if form.kind == FormKind.CONE:
-            return np.asarray(ok & (np.abs(form.angle) > 0.03) & (np.abs(form.angle) < 1.5))
-        if form.kind == FormKind.TORUS:
-            ok &= (form.ring > 1.05 * form.radius) & (form.ring < ROUNDEST * size)
-        if form.kind != FormKind.PLANE:
-            ok &= (form.radius > 0.5 * self.samples.spacing) & (form.radius < ROUNDEST * size)
-        return np.asarray(ok)
 
     def _weights(self, form: Form, points: Array, normals: Array, reach: float | None = None) -> Float[Array, "*b S"]:
         distance, cosine = form.measured(points, normals)
@@ -148,7 +135,7 @@ class _Search:
             if step > 1 and abs(len(members) - before) < 0.01 * len(members):
                 break
             form = self._refitted(form, members, step in (1, 3))
-            if not self._sound(form):
+            if not sound(self.samples, form):
                 return None
         return Found(form, members)
 
@@ -166,28 +153,55 @@ class _Search:
         points, normals = self.samples.points[some], self.samples.normals[some]
         scale = self.reach / 2
         own = form.fitted(points, scale, settled=ROUGH)
-        return best_kind(own, points, normals, scale, self._sound, self.samples) if other_kinds else own
+        return best_kind(own, points, normals, self.samples, wide=False) if other_kinds else own
+
+
+def sound(samples: Samples, form: Form) -> Bool[Mask, "*b"]:
+    """Whether forms are what their kind says, and not nearly a simpler one."""
+    size = samples.size
+    ok = np.isfinite(form.center).all(-1) & np.isfinite(form.radius)
+    ok &= np.linalg.norm(form.center - samples.middle, axis=-1) < 100 * size
+    if form.kind == FormKind.CONE:
+        return np.asarray(ok & (np.abs(form.angle) > 0.03) & (np.abs(form.angle) < 1.5))
+    if form.kind == FormKind.TORUS:
+        ok &= (form.ring > 1.05 * form.radius) & (form.ring < ROUNDEST * size)
+    if form.kind != FormKind.PLANE:
+        ok &= (form.radius > 0.5 * samples.spacing) & (form.radius < ROUNDEST * size)
+    return np.asarray(ok)
+
+
+def alike(own: Form, points: Float[Array, "S 3"], normals: Float[Array, "S 3"]) -> Float[Array, "S 3"]:
+    """Normals turned to the side of a form's own."""
+    sign = np.sign((own.normal(points) * normals).sum(1))
+    return normals * np.where(sign == 0, 1, sign)[:, None]
 
 
 def best_kind(
-    own: Form, points: Array, normals: Array, scale: float, sound: Callable[[Form], Mask], samples: Samples
+    own: Form, points: Array, normals: Array, samples: Samples, better: float = BETTER, wide: bool = True
 ) -> Form:
-    """The simplest form that fits points nearly as well as the best one does."""
-    sign = np.sign((own.normal(points) * normals).sum(1))
-    turned = normals * np.where(sign == 0, 1, sign)[:, None]
+    """The simplest form that fits points nearly as well as the best one does.
+
+    Args:
+        better: a kind with more numbers makes the mean square distance so much smaller.
+        wide: whether other kinds are fitted to all points first, and not only to those near to what normals say.
+    """
+    scale = within(samples) / 2
+    turned = alike(own, points, normals)
     fits = {own.kind: own}
     for one in fits_of_patches(points[None], turned[None]):
-        if one.kind != own.kind and sound(one[0]):
-            fits[one.kind] = one[0].fitted(points, scale, settled=ROUGH)
+        if one.kind != own.kind and sound(samples, one[0]):
+            rough = STANDARD * float(np.median(np.abs(one[0].distance(points))))
+            start = one[0].fitted(points, rough, settled=ROUGH) if wide and rough > scale else one[0]
+            fits[one.kind] = start.fitted(points, scale, settled=ROUGH)
     floor = (0.2 * samples.noise) ** 2 + (1e-4 * samples.size) ** 2
     found: Form | None = None
     price = np.inf
     for kind in sorted(fits):
         one = fits[kind]
-        if not sound(one):
+        if not sound(samples, one):
             continue
         off = one.distance(points)
         spread = float(np.minimum(off * off, scale * scale * 4).mean()) + floor
-        if spread * BETTER < price:
+        if spread * better < price:
             found, price = one, spread
     return own if found is None else found
