@@ -168,3 +168,68 @@ def test_many_coloured_strokes_make_a_small_file(tmp_path):
     sketch = ds.Sketch(points, width=width, color=color)
     save_svg(tmp_path / "a.svg", sketch, ds.orbit(30.0, 20.0, size=1024))
     assert (tmp_path / "a.svg").stat().st_size < 1_500_000
+
+
+def hidden_dashes():
+    """A box whose edges have three colours, the hidden ones dashed: what is drawn, and of which line each is a dash."""
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides])
+    mesh = ds.TriangleMesh(torch.from_numpy(corners), torch.from_numpy(faces))
+    ends = [(a, b) for a, b in itertools.combinations(range(8), 2) if np.abs(corners[a] - corners[b]).sum() == 1]
+    edges = ds.Sketch(torch.from_numpy(corners[np.array(ends)]), width=0.008)
+    edges = edges.replace(color=torch.eye(3, dtype=torch.float64).repeat(4, 1))
+    (lines,) = ds.visible_lines(edges, CAMERA, mesh, contours=False)
+    return lines.drawn("dashed"), lines.dashes("dashed")
+
+
+@needs("svgpathtools")
+@pytest.mark.parametrize("pens", [False, True])
+def test_dashes_of_a_line_are_one_path(tmp_path, pens):
+    import svgpathtools
+
+    sketch, dashes = hidden_dashes()
+    lines = {line for line in dashes if line >= 0}
+    assert len(lines) == 3
+    numbers = [line if line >= 0 else -1 for line in dashes]
+    for name, given in (("one", dashes), ("many", None)):
+        save_svg(tmp_path / f"{name}.svg", sketch, CAMERA, centerline=pens, numbers=numbers, dashes=given)
+    paths, attributes = svgpathtools.svg2paths(str(tmp_path / "one.svg"))
+    parts = {line: [0, 0] for line in lines}
+    for path, attribute in zip(paths, attributes, strict=True):
+        if found := re.match(r"stroke-(\d+)", attribute.get("id", "")):
+            parts[int(found[1])][0] += 1
+            parts[int(found[1])][1] += len(path.continuous_subpaths())
+    assert {line: dashes.count(line) for line in lines} == {line: count for line, (_, count) in parts.items()}
+    # A pen may draw another line of its colour in between.
+    assert max(count for count, _ in parts.values()) <= (2 if pens else 1)
+    # Nothing else changes, for other readers either.
+    apart, _ = svgpathtools.svg2paths(str(tmp_path / "many.svg"))
+    assert sum(path.length() for path in paths) == pytest.approx(sum(path.length() for path in apart), rel=1e-6)
+    if importlib.util.find_spec("vpype"):
+        import vpype
+
+        counts = [
+            [len(layer) for layer in vpype.read_multilayer_svg(str(tmp_path / name), 0.1).layers.values()]
+            for name in ("one.svg", "many.svg")
+        ]
+        assert counts[0] == counts[1]
+
+
+@needs("resvg_py")
+def test_joined_dashes_lie_above_and_below_what_they_did(tmp_path):
+    """Dashes of one line above and below a broad stroke that crosses it stay apart there, others are one path."""
+    y = np.linspace(-0.9, 0.9, 10)
+    dashes = [[[x, a, 0.0], [x, a + 0.1, 0.0]] for x, a in zip(np.linspace(-0.5, 0.5, 10), y, strict=True)]
+    band = [[0.0, -0.2, 0.5], [0.0, -0.2, -0.5]]
+    points = torch.tensor([*dashes, band], dtype=torch.float64)
+    color = torch.tensor([[0.0, 0.0, 0.0]] * 10 + [[1.0, 0.0, 0.0]], dtype=torch.float64)
+    width = torch.tensor([0.02] * 10 + [0.4], dtype=torch.float64)
+    sketch, camera = ds.Sketch(points, width=width, color=color), ds.orbit(0.0, 0.0, 3.0, height=2.0, size=256)
+    files = [tmp_path / "one.svg", tmp_path / "many.svg"]
+    for file, given in zip(files, ([7] * 10 + [-1], None), strict=True):
+        save_svg(file, sketch, camera, dashes=given)
+    one, many = (ds.styles.svg_pixels(file.read_text()) for file in files)
+    assert torch.equal(one, many)
+    assert len(written(files[0])) == 3
+    assert len(written(files[1])) == 11

@@ -107,6 +107,41 @@ def drawn_paths(
     return found
 
 
+def joined_dashes(paths: Sequence[DrawnPath], dashes: Sequence[int], pens: bool = False) -> list[DrawnPath]:
+    """Paths of which the dashes of a line are one path of several curves, in the place of the first.
+
+    Those that would come to lie below what they are above stay apart, unless that is dashed too.
+
+    Args:
+        paths: in their order.
+        dashes: of each stroke the line that it is a dash of, -1 for others.
+        pens: whether their order is that of pens: then only dashes that follow on each other are joined.
+    """
+    boxes = np.array([box_of_paths([path]) or (np.inf, np.inf, -np.inf, -np.inf) for path in paths]).reshape(-1, 4)
+    looks = [(path.color, path.opacity, path.multiplied) for path in paths]
+    codes = {look: code for code, look in enumerate(dict.fromkeys(looks))}
+    look = np.array([codes[each] for each in looks], int)
+    whole_ones = np.array([all(dashes[stroke] < 0 for stroke in path.strokes) for path in paths], bool)
+    made: list[DrawnPath] = []
+    # Of dashes that look alike: the first path, and the one that is made of it.
+    begun: dict[object, tuple[int, int]] = {}
+    for row, path in enumerate(paths):
+        lines = {dashes[stroke] for stroke in path.strokes}
+        wide = None if path.width is None else round(path.width, 3)
+        key = (lines.pop() if len(lines) == 1 else -1, wide, path.closed, look[row])
+        first, place = begun.get(key, (row, -1))
+        between = slice(first + 1, row)
+        over = (boxes[between, :2] <= boxes[row, 2:]).all(1) & (boxes[between, 2:] >= boxes[row, :2]).all(1)
+        over &= whole_ones[between] & ((look[between] != look[row]) | (path.opacity < 1))
+        if key[0] < 0 or place < 0 or over.any() or (pens and place < len(made) - 1):
+            begun[key] = row, len(made)
+            made.append(path)
+            continue
+        whole = made[place]
+        made[place] = whole._replace(strokes=whole.strokes + path.strokes, curves=whole.curves + path.curves)
+    return made
+
+
 class Drawing(TypedDict, total=False):
     """Options of `drawn_paths`."""
 

@@ -92,6 +92,10 @@ class Lines:
         cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
         return [(row, False) for row in cut_sketch(self.sketch, *cut)[1].tolist()] + seen
 
+    def dashes(self, hidden: Hidden) -> list[int] | None:
+        """Of each stroke of `drawn` the row in `sketch` that it is a dash of, -1 for others; None where none are."""
+        return [-1 if seen else row for row, seen in self.origins(hidden)] if hidden == "dashed" else None
+
     def _dashes(self) -> Sketch:
         return cut_sketch(self.sketch, *self._dash_parts())[0]
 

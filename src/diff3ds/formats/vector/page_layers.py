@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from diff3ds.camera import Cameras
-from diff3ds.page.drawn_paths import DrawnPath, box_of_paths, drawn_paths
+from diff3ds.page.drawn_paths import DrawnPath, box_of_paths, drawn_paths, joined_dashes
 from diff3ds.page.pens.pen_paths import Travel, pen_paths, travel
 from diff3ds.page.sheet.ink_boxes import Box
 from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, Layout, lay_out, widened
@@ -30,6 +30,7 @@ class PathOptions(NamedTuple):
     centerline: bool
     pen_mm: float | None
     tolerance: float
+    dashes: Sequence[int] | Sequence[Sequence[int]] | None = None
 
 
 class LayeredPage(NamedTuple):
@@ -60,7 +61,7 @@ def layered_page(
         ValueError: as these.
     """
     sketches = check_page(sketch, cameras, background, how.tolerance)
-    layers = a_view(how.layers, sketch, len(cameras))
+    layers, dashes = (a_view(given, sketch, len(cameras)) for given in (how.layers, how.dashes))
     for each, named in zip(sketches, layers, strict=True):
         check_layers(None if isinstance(named, str) else named, len(each))
     check_pen(how.pen_mm, how.centerline, page)
@@ -70,7 +71,12 @@ def layered_page(
         for view, each in enumerate(sketches):
             drawn = widened(each, widen)
             paths = drawn_paths(drawn, cameras, view, centerline=how.centerline, tolerance=how.tolerance)
-            yield layered(paths, layers[view], how.centerline, pen)
+            if dashes[view] is not None and not how.centerline:
+                paths = joined_dashes(paths, dashes[view])
+            groups = layered(paths, layers[view], how.centerline, pen)
+            if dashes[view] is not None and how.centerline:
+                groups = {group: joined_dashes(some, dashes[view], pens=True) for group, some in groups.items()}
+            yield groups
 
     def boxes(cameras: Cameras, widen: float) -> Iterator[Box | None]:
         for groups in views(cameras, widen):

@@ -38,6 +38,7 @@ def save_svg(
     tolerance: float = TOLERANCE,
     numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
     kept: Sequence[str] = KEPT,
+    dashes: Sequence[int] | Sequence[Sequence[int]] | None = None,
 ) -> Travel | None:
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
 
@@ -71,6 +72,9 @@ def save_svg(
             alone, "line-1" and so on. Of several sketches a list for each.
         kept: what strokes have as those of the sketch have it, of "color", "opacity" and "width": edits of it can come
             back (`diff3ds apply`).
+        dashes: of each stroke the number of the line that it is a dash of, -1 for others: the dashes of a line are one
+            path of several parts, but for those that would come to lie below undashed ones that they are above, and
+            with `centerline` those that the pen does not draw one after the other. Of several sketches a list for each.
 
     Returns:
         With `centerline` what the pens travel, in millimetres where the page has a size on paper, else in pixels.
@@ -82,7 +86,7 @@ def save_svg(
         OSError: the file cannot be written.
     """
     background = ground_of(background, centerline)
-    how = PathOptions(layers, centerline, pen_mm, tolerance)
+    how = PathOptions(layers, centerline, pen_mm, tolerance, dashes)
     layout, views, travelled = layered_page(sketch, cameras, background, page, how)
     sketches = a_view(sketch, sketch, len(views))
     rows = [range(len(each)) for each in sketches] if numbers is None else a_view(numbers, sketch, len(views))

@@ -205,7 +205,7 @@ class Drawings:
             numbers = [-1 if (given := lines.numbers[row]) < 0 else rows[given] for row, _ in origins]
             groups = layers_by(drawing, options.layers, [seen for _, seen in origins]) or layers
             how: dict[str, Any] = {"layers": groups, "centerline": options.centerline, "pen_mm": options.pen_mm}
-            how |= {"numbers": numbers, "kept": KEPT[:1], "page": page}
+            how |= {"numbers": numbers, "kept": KEPT[:1], "page": page, "dashes": lines.dashes(options.hidden)}
             travel = save_svg(out / f"{name}.svg", drawing, self.cameras[view], **how)
             if travel is not None:
                 say(f"{name}.svg: {travel.told('pixels' if page is None else 'mm', options.speed)}")

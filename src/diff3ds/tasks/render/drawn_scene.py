@@ -21,11 +21,19 @@ from diff3ds.tasks.styling import Styling
 
 
 class Shown(NamedTuple):
-    """Strokes that are drawn: their numbers, -1 for lines of the view alone, and which are visible, None for all."""
+    """Strokes that are drawn.
+
+    Attributes:
+        sketch: the strokes.
+        numbers: of each that of the sketch's, -1 for lines of the view alone.
+        seen: which are visible, None for all.
+        dashes: as `save_svg` says, where hidden lines are dashed.
+    """
 
     sketch: Sketch
     numbers: list[int]
     seen: list[bool] | None
+    dashes: list[int] | None = None
 
     def layers(self, by: Sequence[LayerBy]) -> list[tuple[str, ...]] | None:
         """The layers that are asked for."""
@@ -103,7 +111,7 @@ class Scene:
         origins = lines.origins(hidden)
         given = [lines.numbers[row] for row, _ in origins]
         numbers = [-1 if number < 0 else self.numbers[number] for number in given]
-        return Shown(lines.drawn(hidden), numbers, [seen for _, seen in origins])
+        return Shown(lines.drawn(hidden), numbers, [seen for _, seen in origins], lines.dashes(hidden))
 
     def images(self, cameras: Cameras) -> Iterator[Image]:
         """Each view as an RGB picture, or where the background is transparent straight RGBA."""

@@ -90,7 +90,8 @@ def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: 
     else:
         faint = scene.surface is not None and scene.hiding.hidden == "faint"
         kept = [field for field in KEPT if field != "opacity" or not faint]
-        travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, **how, **told)
+        dashes = [each.dashes for each in shown if each.dashes is not None] or None
+        travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, dashes=dashes, **how, **told)
     if travel is not None:
         say(travel.told("pixels" if page is None else "mm", picture.speed))
 
