@@ -99,7 +99,7 @@ def test_areas_that_overlap_themselves_are_filled_once():
 
 def test_a_corner_between_long_lines_is_as_wide_as_they_are():
     """Technical pens have samples at corners alone: what lay between the lines was filled, or the lines thinned."""
-    points = [[0.0, -0.8, -0.7], [0.0, 0.0, 0.7], [0.0, 0.8, -0.5]]
+    points = [[0.0, -0.8, -0.2], [0.0, 0.0, 0.1], [0.0, 0.8, 0.2]]
     sketch = ds.Sketch(
         torch.tensor([points[:2], points[1:]], dtype=torch.float64), width=0.02, chains=ds.Chains.of([2], False)
     )

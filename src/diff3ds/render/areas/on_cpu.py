@@ -34,7 +34,9 @@ def covered(
 ) -> list[tuple[Int[Index, " n"], Float[Array, " n"]]]:
     """The pixels of each layer, and how much of each it covers."""
     first, pixels, shares = _module().areas_covered(values, tables, *size)
-    return list(zip(np.split(pixels, first[1:-1]), np.split(shares, first[1:-1]), strict=True))
+    # Of C's long long, which numpy tells from its own integers.
+    split = np.split(pixels.view(np.int64), first[1:-1]), np.split(shares.astype(np.float64), first[1:-1])
+    return list(zip(*split, strict=True))
 
 
 def _module() -> ModuleType:
