@@ -86,9 +86,17 @@ def test_of_photographs_a_bottom_has_to_be_likelier_than_chance_where_views_look
     views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
     found = with_pockets(square(), views, 0.0, chance=Chance.of(views, NARROW))
     assert np.abs(sampled(found)[4:] @ TILT - sampled(square()) @ TILT - DOWN).max() < 0.003
-    # Half of the bottom is enough where edges are sure, and none where they are faint.
-    half = looked_into(rim_of(0), rim_of(-DEPTH)[:2], in_square)
-    assert with_pockets(square(), half, 0.0, chance=Chance.of(half, NARROW)).points.shape == square().points.shape
+    # Three sides of a bottom are enough where edges are sure, and too few where they are faint.
+    three = looked_into(rim_of(0), rim_of(-DEPTH)[:3], in_square)
+    assert len(with_pockets(square(), three, 0.0)) == 8
+    assert len(with_pockets(square(), three, 0.0, chance=Chance.of(three, NARROW))) == 4
+
+
+@pytest.mark.slow
+def test_of_photographs_nothing_is_a_bottom_where_anything_may_be_chance():
+    many = looked_into(rim_of(0), [side for depth in range(1, 31) for side in rim_of(-0.02 * depth)], in_square)
+    assert len(with_pockets(square(), many, 0.0)) == 8
+    assert len(with_pockets(square(), many, 0.0, chance=Chance.of(many, NARROW))) == 4
     bare = looked_into(rim_of(0), [], in_square)
     assert len(with_pockets(square(), bare, 0.0, chance=Chance.of(bare, NARROW))) == 4
 
