@@ -142,7 +142,7 @@ JOBS = {
     "mesh, finer": Job("faces", (3_000, 30_000, 300_000), lambda n, folder: _mesh(_ball(n), folder)),
     "mesh, more boxes": Job("faces", (120, 1_200, 12_000), lambda n, folder: _mesh(_boxes(n // 12), folder)),
     "points": Job("points", (30_000, 300_000, 3_000_000), _points),
-    "views": Job("views", (10, 100, 1_000), _views),
+    "views": Job("views", (10, 100), _views),
     "text": Job("steps", (40, 400, 4_000), _text),
 }
 
