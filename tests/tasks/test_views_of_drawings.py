@@ -67,7 +67,7 @@ def test_ctrl_c_before_the_first_curves_leaves_something_to_resume(drawings, mon
 
     folder, _ = drawings
     command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
-    monkeypatch.setattr("diff3ds.edges.reconstruct.triangulate", stopped)
+    monkeypatch.setattr("diff3ds.edges.first_curves.triangulate", stopped)
     with pytest.raises(SystemExit) as end:
         main(command)
     assert end.value.code == STOPPED
@@ -95,7 +95,7 @@ def test_ctrl_c_in_a_stage_leaves_what_was_reached_before(drawings, monkeypatch,
     assert about["stages"]["carve"]["processor"] > 0
     assert len(ds.load(folder / "out" / "sketch.json")) >= 3
     # Nothing is carved again.
-    monkeypatch.setattr("diff3ds.edges.reconstruct.carve", stopped)
+    monkeypatch.setattr("diff3ds.edges.first_curves.carve", stopped)
     monkeypatch.setattr(
         "diff3ds.edges.reconstruct.second_look", lambda scene, curves: curves[torch.zeros(len(curves)) > 0]
     )
