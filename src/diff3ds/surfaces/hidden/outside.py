@@ -43,11 +43,11 @@ class Outside:
         """The points of a mesh, as many views from all around see them."""
         pixel = mesh.size / PIXELS
         points, face = _spread(mesh, pixel)
-        middle = mesh.bounds.mean(0)
+        points_from_middle = points - mesh.bounds.mean(0)
         seen = np.zeros(len(points), bool)
         for view in all_around(VIEWS):
             right = np.array([-view[1], view[0], 0.0]) / np.hypot(*view[:2])
-            x, y, near = ((points - middle) @ np.stack([right, np.cross(view, right), view], 1)).T
+            x, y, near = (points_from_middle @ np.stack([right, np.cross(view, right), view], 1)).T
             side = PIXELS * 2
             cell = (
                 (np.floor(x / pixel).astype(np.int64) + PIXELS) * side + np.floor(y / pixel).astype(np.int64) + PIXELS
@@ -55,7 +55,7 @@ class Outside:
             front = np.full(side * side, -np.inf)
             np.maximum.at(front, cell, near)
             front = _closed(front.reshape(side, side)).ravel()
-            towards = mesh.face_normals[face] @ view > 0
+            towards = (mesh.face_normals @ view > 0)[face]
             seen |= towards & (near > front[cell] - BEHIND * pixel)
         return cls(points, seen)
 
