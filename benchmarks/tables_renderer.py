@@ -47,6 +47,19 @@ def machines() -> str:
     return markdown(head, rows)
 
 
+def instruction_sets() -> str:
+    """The renderer by each instruction set of one machine."""
+    rows = []
+    for key, times in results_of("instruction_sets")["figures"].items():
+        copy = times["copy"][0]
+        names = dict.fromkeys(way.split()[0] for way in times if way != "copy")
+        for what, way in (("forward", "forward"), (BOTH, "both")):
+            found = [times[f"{name} {way}"][0] for name in names]
+            cells = [f"{digits(ms)} ({digits(ms / copy)})" if key in "AB" else digits(ms) for ms in found]
+            rows.append([key if way == "forward" else "", what, *cells])
+    return markdown(["", "ms (copies of the images)", *names], rows) + source_of("instruction_sets")
+
+
 def step_cost() -> str:
     """What is not the prior in a step of distillation."""
     rows = [
@@ -160,6 +173,7 @@ def growth() -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     speed,
     machines,
+    instruction_sets,
     step_cost,
     compile_cuda,
     gpu,
