@@ -102,8 +102,7 @@ def test_kinds_are_kept_and_chosen_by():
     assert float(lines.strokes(False, "crease").points[..., 2].max()) == pytest.approx(0.2)
 
 
-def test_views_of_large_meshes_are_the_same_on_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr("diff3ds.surfaces.draw.LARGE", 1000)
+def test_views_of_meshes_are_the_same_in_any_number_of_copies_of_the_process():
     mesh = ds.TriangleMesh(*torus(1.0, 0.4, 40, 20))
     ring = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.2), 1.4))
     cameras = ds.orbit([0.0, 40.0, 80.0, 120.0], 30.0, 4.0, size=200)
@@ -117,7 +116,7 @@ def test_views_of_large_meshes_are_the_same_on_any_number_of_threads(monkeypatch
         found.append([numbers(view) for view in views])
     alone = [numbers(*ds.visible_lines(ring, cameras[view], mesh)) for view in range(4)]
     assert found == [alone, alone, alone]
-    # Other threads do not know of the caller's `no_grad` by themselves.
+    # Where processes are not copied, other threads do not know of the caller's `no_grad` by themselves.
     points = torch.tensor(mesh.vertices, requires_grad=True)
     given = ds.TriangleMesh(points, mesh.faces)
     with torch.no_grad():

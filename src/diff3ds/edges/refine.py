@@ -15,9 +15,9 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, clear_support
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import fit
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
-from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import Sketch
 
 # [px; measured] Half width of the drawn ridges and curves. Wider ones give a less certain position.

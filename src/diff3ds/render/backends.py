@@ -58,8 +58,8 @@ def get_num_threads() -> int:
 
 
 @contextmanager
-def torch_on_one_thread() -> Iterator[None]:
-    """Inside, torch computes on one thread, and the kernels on as many as before.
+def torch_on_one_thread(kernels: int | None = None) -> Iterator[None]:
+    """Inside, torch computes on one thread, and the kernels on as many as before, or as many as said.
 
     Torch splits its sums over its threads, so that their last bits depend on the number of threads; the kernels' do
     not.
@@ -70,7 +70,7 @@ def torch_on_one_thread() -> Iterator[None]:
         # They may overlap, on several threads of Python: what the first to enter finds is what all bring back.
         _torch_threads = _torch_threads if _inside else torch.get_num_threads()
         _inside += 1
-        token = _fixed_threads.set(nested or _thread_count or _torch_threads)
+        token = _fixed_threads.set(kernels or nested or _thread_count or _torch_threads)
         torch.set_num_threads(1)
     try:
         yield

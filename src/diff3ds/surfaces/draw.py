@@ -13,11 +13,12 @@ from diff3ds.page.chords import chords_of
 from diff3ds.page.dashes import dashed
 from diff3ds.page.parts import Parts, cut_sketch, faint
 from diff3ds.page.picture import Picture
+from diff3ds.parallel.in_copies import in_copies
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.project import project
 from diff3ds.render import Antialiasing, Backend, Rendering, render
 from diff3ds.render.antialiasing import antialiasing_from
 from diff3ds.render.checks import Background, canvas_from, check_scene
-from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.hatching.tones import By, Hatch
 from diff3ds.surfaces.hidden.lines_of_mesh import Drawn, MeshSeen, prepare
@@ -34,8 +35,6 @@ Result = TypeVar("Result")
 TOLERANCE = 0.2
 # Opacity of faint strokes, as a share of that of visible ones.
 FAINT = 0.25
-# Meshes of so many triangles are large: threads gain something. Empirical.
-LARGE = 20_000
 # Bytes that views take which are looked at side by side, and what each triangle takes then, as measured.
 LOOKING, PER_FACE = 3 << 29, 350
 # What the strokes of a sketch are called where nobody says, what outlines are called that depend on the view, and what
@@ -155,8 +154,7 @@ def _each_view(
 ) -> list[Result]:
     """What is taken from each view of a surface, with contours along the creases that a sketch does not draw.
 
-    Views of large meshes are looked at side by side. Those of small ones are short steps of Python, which would wait
-    for each other, and with gradients their sums would come in the order of the threads.
+    They are looked at side by side, but with gradients, which no copy of this process could give back.
     """
     if isinstance(surface, Quadrics):
         return side_by_side(lambda view: take(QuadricsSeen(surface, cameras, view)), len(cameras), 1, told)
@@ -168,10 +166,10 @@ def _each_view(
         with torch.set_grad_enabled(gradients):
             return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn, halvings))
 
-    threads = 1 if gradients or len(surface) < LARGE else LOOKING // (PER_FACE * len(surface))
-    if threads > 1:
+    copies = 1 if gradients else max(1, LOOKING // (PER_FACE * len(surface)))
+    if copies > 1:
         prepare(surface, with_strokes=sketch is not None and len(sketch) > 0)
-    return side_by_side(look, len(cameras), threads, told)
+    return in_copies(look, len(cameras), copies, told)
 
 
 def visible_lines(

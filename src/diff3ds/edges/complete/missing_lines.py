@@ -21,7 +21,7 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.measure.fit_ridges import LEAST_LINE
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
-from diff3ds.render.side_by_side import side_by_side
+from diff3ds.parallel.side_by_side import side_by_side
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

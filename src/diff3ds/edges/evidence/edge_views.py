@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.render.side_by_side import side_by_side
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [px; numerical] Distance of a point that a view does not contain.
 OUTSIDE = 99.0

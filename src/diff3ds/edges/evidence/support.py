@@ -10,7 +10,7 @@ from diff3ds.curves.directions import dot, unit
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import tangents_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.render.side_by_side import side_by_side
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [parts; empirical] Parts of a segment: a curve, or half of a closed one.
 PARTS = 6

@@ -7,7 +7,7 @@ from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.chance import chance_near, told
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
-from diff3ds.render.side_by_side import side_by_side
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [sides; derived] Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
 HALF_DIAGONAL = np.sqrt(3) / 2

@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.first.carve import CELL, CHUNK
 from diff3ds.edges.watch import Tick, no_tick
-from diff3ds.render.side_by_side import side_by_side
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [rounds; empirical] Rounds of moving points onto the edges.
 ROUNDS = 8

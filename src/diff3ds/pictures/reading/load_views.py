@@ -8,11 +8,11 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.picture_options import Masks
 from diff3ds.pictures.reading.read_view import read_view
 from diff3ds.pictures.store import MEMORY, Store, all_known, as_bytes, byte_array
-from diff3ds.render.side_by_side import side_by_side
 from diff3ds.transforms import View
 
 # The sizes of a pyramid, each half the last, take a third more than the first.

@@ -6,8 +6,8 @@ import time
 import pytest
 import torch
 
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.render.backends import set_num_threads
-from diff3ds.render.side_by_side import side_by_side
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,1 @@
+"""Jobs side by side: in threads, or in copies of the process."""
