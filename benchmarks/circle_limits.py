@@ -23,8 +23,9 @@ from diff3ds.curves.shapes.primitives import Circle, angles_of
 from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.support import crowded, inliers
-from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
+from diff3ds.edges.measure.fit_ridges import circle_at, in_plane, shown_of, undisturbed
 from diff3ds.edges.measure.offsets import near_joints
+from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.photogrammetry.find_project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.frame import Frame, frame_of
@@ -142,7 +143,8 @@ def settled(
     joints = near_joints(x, x[[0, -1]], views.pixel) if angle < WHOLE else None
     for _ in range(LOOKS):
         shown = clear & shown_of(circle, angles, views)
-        moved = circle_at(circle, angles, shown, views, outward, None, joints, flat=flat)
+        free = in_plane(circle) if flat else None
+        moved = circle_at(circle, angles, shown, views, outward, None, joints, free=free)
         if moved is None:
             break
         circle = moved

@@ -219,7 +219,7 @@ def main() -> None:
         [[r[c] for c in columns] for r in rows],
     )
     if chosen.json:
-        write_json(chosen.json, {**environment(), "rows": rows})
+        write_json(chosen.json, environment(), {"rows": rows})
 
 
 if __name__ == "__main__":
