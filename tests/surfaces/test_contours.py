@@ -7,6 +7,9 @@ from scipy.spatial import cKDTree
 from solids import box, icosphere, lathe, torus
 
 import diff3ds as ds
+from diff3ds.page.picture import Picture
+from diff3ds.surfaces.lines.contours import walks
+from diff3ds.surfaces.lines.fit_picture import fit_chains
 
 RING, TUBE = 1.0, 0.4
 
@@ -164,3 +167,45 @@ def farthest(sketch, edges):
     way = edges[:, 1] - edges[:, 0]
     share = (((points - edges[:, 0]) * way).sum(-1) / (way**2).sum(-1)).clamp(0, 1)
     return float((points - edges[:, 0] - share[..., None] * way).norm(dim=-1).amin(1).max())
+
+
+def test_walks_go_along_each_step_once_from_ends_first_and_close_where_they_began():
+    rng = np.random.default_rng(1)
+    for count in range(2, 40):
+        # A chain, a loop, and some steps anywhere, which branch and come back.
+        chain = np.arange(count - 1)[:, None] + [0, 1]
+        loop = count + (np.arange(count)[:, None] + [0, 1]) % count
+        steps = np.concatenate([chain, loop, rng.integers(0, 2 * count, (count // 5, 2))])
+        steps = rng.permutation(2 * count)[steps][rng.permutation(len(steps))]
+        found = walks(steps, 2 * count)
+        assert sorted(step for _, along, _ in found for step in along) == list(range(len(steps)))
+        degree = np.bincount(steps.ravel(), minlength=2 * count)
+        ends = [int(degree[nodes[0]] == 1) for nodes, _, _ in found]
+        assert ends == sorted(ends, reverse=True)
+        for nodes, along, closed in found:
+            around = [*nodes, nodes[0]] if closed else nodes
+            pairs = np.stack([around[:-1], around[1:]], 1)
+            assert (np.sort(pairs, 1) == np.sort(steps[along], 1)).all()
+            assert closed or around[0] != around[-1]
+
+
+def test_a_chain_that_is_finer_than_pixels_is_fitted_by_few_of_its_points_and_all_have_their_places():
+    cameras = ds.orbit(20.0, 30.0, 5.0, fov=40.0, size=128).to(torch.float64)
+    picture = Picture.of(cameras, 0)
+    angle = np.linspace(0, 2 * np.pi, 4001)
+    points = np.stack([np.cos(angle), np.sin(angle), 0.3 * np.cos(3 * angle)], 1)
+    first, corner = np.array([0, len(points)]), np.array([1234])
+    fitted = fit_chains(points, first, corner, picture, 0.05, spacing=0.5)
+    assert len(fitted.start) < 30
+    assert (fitted.start[1:] == fitted.stop[:-1]).all()
+    assert 1234 in fitted.start
+    # Each point lies where its cubic is at its parameter.
+    axis, place = fitted.places
+    assert (np.diff(axis) >= 0).all()
+    cubic = np.minimum(axis.astype(int), len(fitted.control) - 1)
+    t = (axis - cubic)[:, None]
+    weights = np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], 1)
+    value = np.einsum("qk,qki->qi", weights, fitted.control[cubic])
+    seen, _ = picture.seen(value[:, :3] / value[:, 3:])
+    expected, _ = picture.seen(points[place.astype(int)])
+    assert np.linalg.norm(seen - expected, axis=1).max() < 0.2

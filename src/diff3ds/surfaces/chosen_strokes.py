@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.parts import cut_sketch
 from diff3ds.sketch import PLAIN, Sketch
-from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.draw import lines_for_pixels
+from diff3ds.surfaces.hidden.visibility import FOR_MEASURES
 from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
 from diff3ds.surfaces.shape.coarse import without_specks
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -69,8 +70,13 @@ def choose_strokes(
     """
     cameras = sides_and_corners(mesh)
     targets, found, whose = [], [features.to(torch.float64)], [*kinds]
-    drawings = visible_lines(
-        features.to(torch.float64), cameras, mesh, kinds=kinds, told=lambda done: report(done, 2 * len(cameras))
+    drawings = lines_for_pixels(
+        features.to(torch.float64),
+        cameras,
+        mesh,
+        FOR_MEASURES,
+        kinds=kinds,
+        told=lambda done: report(done, 2 * len(cameras)),
     )
     for lines in drawings:
         targets.append(points_along(lines.strokes(True), lines.cameras))
@@ -79,8 +85,13 @@ def choose_strokes(
         whose += ["contour"] * len(contours)
     candidates = Sketch.concatenate([sketch.detach().replace(**PLAIN, opacity=1.0) for sketch in found])
     shows, false = [], np.zeros(len(candidates))
-    tries = visible_lines(
-        candidates, cameras, mesh, contours=False, told=lambda done: report(len(cameras) + done, 2 * len(cameras))
+    tries = lines_for_pixels(
+        candidates,
+        cameras,
+        mesh,
+        FOR_MEASURES,
+        contours=False,
+        told=lambda done: report(len(cameras) + done, 2 * len(cameras)),
     )
     for target, lines in zip(targets, tries, strict=True):
         parts = lines.parts[lines.parts.visible]
@@ -131,8 +142,8 @@ def _greedy(
     share = [1 - float(left.sum()) / whole] * first
     held = np.zeros(len(shows), bool)
     held[:first] = True
+    new = shows @ left
     for _ in range(min(count, len(shows) - first)):
-        new = shows @ left
         gain = new - AGAINST * false
         gain[held | (new < LEAST * whole)] = -np.inf
         best = int(gain.argmax())
@@ -140,6 +151,8 @@ def _greedy(
             break
         held[best] = True
         order.append(best)
-        left = np.where(shows[best], 0.0, left)
+        taken = np.flatnonzero(shows[best] & (left > 0))
+        new = new - shows[:, taken] @ left[taken]
+        left[taken] = 0
         share.append(1 - float(left.sum()) / whole)
     return np.array(order, np.int64), np.array(share)

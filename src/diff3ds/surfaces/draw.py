@@ -23,7 +23,7 @@ from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.hatching.tones import By, Hatch
 from diff3ds.surfaces.hidden.lines_of_mesh import Drawn, MeshSeen, prepare
 from diff3ds.surfaces.hidden.lines_of_quadrics import QuadricsSeen
-from diff3ds.surfaces.hidden.visibility import FOR_PIXELS, HALVINGS
+from diff3ds.surfaces.hidden.visibility import EXACT, FOR_FILMS, Care
 from diff3ds.surfaces.shape.quadrics import Quadrics
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -150,7 +150,7 @@ def _each_view(
     take: Callable[[MeshSeen | QuadricsSeen], Result],
     tolerance: float = TOLERANCE,
     told: Callable[[int], None] = lambda done: None,
-    halvings: int = HALVINGS,
+    care: Care = EXACT,
 ) -> list[Result]:
     """What is taken from each view of a surface, with contours along the creases that a sketch does not draw.
 
@@ -164,7 +164,7 @@ def _each_view(
     def look(view: int) -> Result:
         # Other threads do not know what the caller's wants.
         with torch.set_grad_enabled(gradients):
-            return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn, halvings))
+            return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn, care))
 
     copies = 1 if gradients else max(1, LOOKING // (PER_FACE * len(surface)))
     if copies > 1:
@@ -214,12 +214,15 @@ def lines_for_pixels(
     sketch: Sketch,
     cameras: Cameras,
     surface: Surface,
-    contours: bool,
-    told: Callable[[int], None],
+    care: Care = FOR_FILMS,
+    *,
+    kinds: Sequence[str] | None = None,
+    contours: bool = True,
     hatch: Hatch | None = None,
+    told: Callable[[int], None] = lambda done: None,
 ) -> list[Lines]:
-    """As `visible_lines`, cut to a 128th of a pixel: for films."""
-    return _lines(sketch, cameras, surface, None, contours, hatch, told, FOR_PIXELS)
+    """As `visible_lines`, found less exactly, since they are seen or measured in pictures of pixels."""
+    return _lines(sketch, cameras, surface, kinds, contours, hatch, told, care)
 
 
 def _lines(
@@ -230,7 +233,7 @@ def _lines(
     contours: bool,
     hatch: Hatch | None,
     told: Callable[[int], None],
-    halvings: int = HALVINGS,
+    care: Care = EXACT,
 ) -> list[Lines]:
     _check(surface)
     named = tuple(kind or STROKE for kind in sketch.kinds or ("",) * len(sketch)) if kinds is None else tuple(kinds)
@@ -247,7 +250,7 @@ def _lines(
         return seen.parts(sketch), seen.lines, seen.kinds, own, None if hatch is None else seen.hatching(hatch)
 
     lines = []
-    found = _each_view(surface, cameras, sketch, contours, look, told=told, halvings=halvings)
+    found = _each_view(surface, cameras, sketch, contours, look, told=told, care=care)
     for view, (parts, own_lines, own_kinds, own_parts, tone) in enumerate(found):
         whole, all_kinds = sketch, named
         if own_parts is not None:

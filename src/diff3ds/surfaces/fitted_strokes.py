@@ -21,7 +21,8 @@ from diff3ds.optimize.fit import descend
 from diff3ds.pictures.frame import Frame
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.draw import lines_for_pixels
+from diff3ds.surfaces.hidden.visibility import FOR_MEASURES
 from diff3ds.surfaces.line_drawings import MARGIN, SAMPLES, SIZE, all_around, points_along
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -59,7 +60,8 @@ def fit_strokes(
         The strokes as they were, but for their control points; float64.
     """
     cameras = all_around(mesh, VIEWS)
-    drawings = [_Drawing(lines.strokes(True), lines.cameras) for lines in visible_lines(features, cameras, mesh)]
+    seen = lines_for_pixels(features, cameras, mesh, FOR_MEASURES)
+    drawings = [_Drawing(lines.strokes(True), lines.cameras) for lines in seen]
     low, high = mesh.bounds
     frame = Frame(torch.from_numpy((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
     start, views = frame.from_world(strokes), frame.cameras(cameras)

@@ -5,6 +5,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.importance import Ranked, Samples, Shown, ranked
 from diff3ds.page.picture import Picture
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.line_drawings import all_around
@@ -51,15 +52,19 @@ def seen_around(surface: TriangleMesh) -> Shown:
 
     def shown(samples: Samples) -> Float[Array, " P"]:
         moved, own = Nearest.of(mesh, mesh.near).places(samples.place)
-        seen = np.zeros(len(moved))
-        for view in range(len(cameras)):
+
+        def seen(view: int) -> Float[Array, " P"]:
             across = np.linalg.norm(np.cross(samples.tangent, cameras.world_to_camera[view, 2, :3].numpy()), axis=1)
             hiding = MeshView(mesh, Picture.of(cameras, view))
             hidden = hiding.in_front(moved, own)
             if mesh.beside > 0:
                 # An edge outside of its rounding is seen where that is already on the other side.
                 hidden[hidden] = hiding.in_front(samples.place[hidden], own[hidden])
-            seen += np.where(hidden, 0.0, across)
-        return seen / len(cameras)
+            return np.where(hidden, 0.0, across)
+
+        total = np.zeros(len(moved))
+        for part in in_copies(seen, len(cameras), len(cameras)):
+            total += part
+        return total / len(cameras)
 
     return shown

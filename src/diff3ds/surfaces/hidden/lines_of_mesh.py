@@ -22,7 +22,7 @@ from diff3ds.surfaces.hatching.hatch_strokes import hatch_strokes
 from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.hidden.crossings import Outlines, crossings
 from diff3ds.surfaces.hidden.mesh_view import MeshView
-from diff3ds.surfaces.hidden.visibility import HALVINGS, Ask, parts_of
+from diff3ds.surfaces.hidden.visibility import EXACT, Ask, Care, parts_of
 from diff3ds.surfaces.lines.contour_gradients import contours_of
 from diff3ds.surfaces.lines.contours import Chain, contour_chains
 from diff3ds.surfaces.lines.edge_runs import seam_runs
@@ -61,7 +61,7 @@ class MeshSeen:
         view: int,
         tolerance: float | None,
         drawn: "Drawn",
-        halvings: int = HALVINGS,
+        care: Care = EXACT,
     ) -> None:
         """Finds the lines.
 
@@ -72,9 +72,9 @@ class MeshSeen:
             tolerance: largest distance between lines and the strokes that are fitted to them, pixels; None where no
                 lines are wanted.
             drawn: what strokes draw already.
-            halvings: as of `parts_of`.
+            care: how exactly lines are found.
         """
-        self._halvings = halvings
+        self._care = care
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
@@ -105,7 +105,7 @@ class MeshSeen:
             cuts += [np.flatnonzero(flags[1:] != flags[:-1]) + 1 + start, _corners(chain, on_crease) + start]
             convex.append(np.append(flags, True))
         turns = np.concatenate([np.zeros(0, np.int64), *cuts])
-        fitted = fit_chains(self._points, first, turns, self._picture, tolerance)
+        fitted = fit_chains(self._points, first, turns, self._picture, tolerance, self._care.spacing)
         self._fitted = fitted
         self._convex = np.concatenate([np.zeros(0, bool), *convex])[fitted.start]
         control = self._control()
@@ -228,7 +228,7 @@ class MeshSeen:
         cuts = crossings(cubics, chords, self._hiding()[1], self._picture, behind)
         if more is not None:
             cuts = np.concatenate([cuts[0], more[0]]), np.concatenate([cuts[1], more[1]])
-        return parts_of(chords, cuts, hidden, stray, self._halvings)
+        return parts_of(chords, cuts, hidden, stray, self._care)
 
 
 @dataclass(frozen=True, eq=False)

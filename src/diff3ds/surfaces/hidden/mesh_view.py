@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
 from diff3ds.render.backends import kernels
@@ -33,6 +33,7 @@ class MeshView:
         low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
         middle = float(np.median(largest(high - low))) if len(low) else 1.0
         self._index = BoxIndex.of(low - BESIDE, high + BESIDE, middle)
+        self._kept: dict[TriangleMesh, list[Tensor]] = {}
 
     def in_front(
         self, points: Float[Array, "Q 3"], own: Int[Index, "Q 3"] | None = None, rings: int = 0
@@ -69,17 +70,24 @@ class MeshView:
         rings: int,
     ) -> Bool[Mask, " Q"]:
         """As `in_front`, by the compiled kernel, which ends with the first triangle that hides a point."""
-        mesh, vertices = self.mesh, self.mesh.faces[self._face]
+        mesh = self.mesh
         if rings and isinstance(mesh, SmoothMesh):
-            vertices = mesh.coarse.faces[mesh.patch[self._face]]
             own = None if own is None else mesh.coarse.faces[mesh.patch_at[own[:, 0]]]
             mesh = mesh.coarse
-        arrays = self._triangle, self._corners, self._depths, vertices, mesh.edge_keys
         points = pixels, depths, *(() if own is None else (own,))
-        tables, given = ([torch.from_numpy(np.ascontiguousarray(x)) for x in some] for some in (arrays, points))
+        given = [torch.from_numpy(np.ascontiguousarray(x)) for x in points]
         how = SEAM, self.mesh.touching, self.picture.orthographic, rings
         none = () if len(given) == 3 else (None,)
-        return kernel(*self._index.tables, (*tables, len(mesh.vertices)), *how, *given, *none)
+        return kernel(*self._index.tables, (*self._tables(mesh), len(mesh.vertices)), *how, *given, *none)
+
+    def _tables(self, mesh: TriangleMesh) -> list[Tensor]:
+        """The triangles for the compiled kernel, with the vertices of the mesh or of the coarse one that it is for."""
+        if mesh not in self._kept:
+            fine = self.mesh
+            face = fine.patch[self._face] if isinstance(fine, SmoothMesh) and mesh is fine.coarse else self._face
+            arrays = self._triangle, self._corners, self._depths, mesh.faces[face], mesh.edge_keys
+            self._kept[mesh] = [torch.from_numpy(np.ascontiguousarray(x)) for x in arrays]
+        return self._kept[mesh]
 
     def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:
         """Whether faces are so near to points along the surface that they do not hide them."""

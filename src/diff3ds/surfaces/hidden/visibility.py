@@ -1,6 +1,7 @@
 """Which parts of strokes a surface hides from a camera: cut where that may change, decided for each part as a whole."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,17 +13,40 @@ from diff3ds.page.parts import Parts
 # Which of the points at these parameters of these segments are hidden.
 Ask = Callable[[Index, Array], Mask]
 
-# A part is asked about at points so far apart, pixels, at so many at least and at most. Empirical.
-SPACING, LEAST, MOST = 4.0, 3, 200
-# Halvings of the interval in which something changes that no outline has foretold: 2^-30 of it are left; or, for
-# pictures of pixels, a 128th of a pixel.
-HALVINGS, FOR_PIXELS = 30, 9
+# A part is asked about at points so far apart, pixels, at so many at most. Empirical.
+SPACING, MOST = 4.0, 200
 # Parts shorter than this are what the part beside them is, pixels.
 SHORTEST = 1.0
 
 
+@dataclass(frozen=True)
+class Care:
+    """How exactly the lines of a view are found.
+
+    Attributes:
+        halvings: of an interval, as long as points are apart that are asked about, in which something changes that no
+            outline has foretold.
+        spacing: points of contours that are nearer to the one before, pixels, say nothing to the strokes that are
+            fitted to them.
+        least: so many points of a part are asked about at least.
+    """
+
+    halvings: int
+    spacing: float
+    least: int
+
+
+# For drawings: 2^-30 of an interval is left. For films: a 128th of a pixel is. For what is measured in small pictures,
+# within a pixel or two: a quarter.
+EXACT, FOR_FILMS, FOR_MEASURES = Care(30, 0.0, 3), Care(9, 0.25, 3), Care(4, 0.5, 1)
+
+
 def parts_of(
-    chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], ask: Ask, stray: float, halvings: int = HALVINGS
+    chords: Chords,
+    cuts: tuple[Int[Index, " X"], Float[Array, " X"]],
+    ask: Ask,
+    stray: float,
+    care: Care = EXACT,
 ) -> Parts:
     """Strokes in parts that are seen, or hidden, as a whole.
 
@@ -31,13 +55,13 @@ def parts_of(
         cuts: segments and parameters where something may change.
         ask: which of some points are hidden.
         stray: so large a share of a part's points that answer otherwise than the others is noise.
-        halvings: of intervals in which something changes that no cut has foretold.
+        care: how exactly.
     """
     if not len(chords.segment):
         return Parts.none()
     segment, start, stop = _between(chords, *cuts)
     ruler = Ruler(chords)
-    hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray, halvings)
+    hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray, care)
     length = ruler.length(segment, start, stop)
     return _merged(segment, start, stop, hidden, length)
 
@@ -69,10 +93,10 @@ def _decided(
     ruler: Ruler,
     ask: Ask,
     stray: float,
-    halvings: int,
+    care: Care,
 ) -> tuple[Bool[Mask, " R"], Int[Index, " R"], Float[Array, " R"], Float[Array, " R"]]:
     """Parts with their answers, cut once more where points within one disagree for good."""
-    count = np.clip(np.ceil(ruler.length(segment, start, stop) / SPACING), LEAST, MOST).astype(np.int64)
+    count = np.clip(np.ceil(ruler.length(segment, start, stop) / SPACING), care.least, MOST).astype(np.int64)
     offset = np.cumsum(count) - count
     part = np.repeat(np.arange(len(segment)), count)
     shares = (np.arange(len(part)) - offset[part] + 0.5) / count[part]
@@ -90,7 +114,7 @@ def _decided(
     hidden = np.where(mixed[part], evened(hidden, each, 2, part), most[part])
     flips = np.flatnonzero((hidden[1:] != hidden[:-1]) & (part[1:] == part[:-1]))
     low, high, was = t[flips], t[flips + 1], hidden[flips]
-    for _ in range(halvings if len(flips) else 0):
+    for _ in range(care.halvings if len(flips) else 0):
         middle = (low + high) / 2
         same = ask(segment[part[flips]], middle) == was
         low, high = np.where(same, middle, low), np.where(same, high, middle)

@@ -145,33 +145,33 @@ def _bends_away(corners: Float[Array, "S 3 3"], facing: Float[Array, "S 3"], pic
 def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int], bool]]:
     """Runs of nodes along steps between two each, the steps of each run, and whether it closes.
 
-    Most nodes have one step or two.
+    Runs begin at nodes of one step, then anywhere, and go on along the first step that none has gone along.
     """
-    steps_at: list[list[int]] = [[] for _ in range(count)]
-    for step, (a, b) in enumerate(ends.tolist()):
-        steps_at[a].append(step)
-        steps_at[b].append(step)
-    pairs = ends.tolist()
-    seen = [False] * len(pairs)
-    found: list[tuple[list[int], list[int], bool]] = []
-    starts = [n for n in range(count) if len(steps_at[n]) == 1]
-    for start in (*starts, *range(count)):
-        run: list[int] = [start]
-        steps: list[int] = []
-        here = start
-        while True:
-            # No generator: of these walks there are thousands of steps a view.
-            for step in steps_at[here]:
-                if not seen[step]:
-                    break
-            else:
-                break
-            seen[step] = True
-            steps.append(step)
-            a, b = pairs[step]
-            here = b if here == a else a
-            run.append(here)
-        if steps:
-            closed = run[-1] == start
-            found.append((run[:-1] if closed else run, steps, closed))
-    return found
+    # A way along a step is a number: twice the step's own from its first end, and one more from the second.
+    whose = ends.ravel()
+    leaving = np.argsort(whose, kind="stable")
+    first = np.searchsorted(whose[leaving], np.arange(count + 1))
+    steps_at = np.diff(first)
+    double = first[:-1][steps_at == 2]
+    other = np.full(len(whose), -1)
+    other[leaving[double]], other[leaving[double + 1]] = leaving[double + 1], leaving[double]
+    # How each goes on; -1 where its last node has not just two steps.
+    onwards = other[np.arange(len(whose)) ^ 1].tolist()
+    seen = bytearray(len(ends))
+
+    def walk(way: int) -> tuple[list[int], list[int], bool]:
+        run: list[int] = []
+        while way >= 0 and not seen[way >> 1]:
+            seen[way >> 1] = 1
+            run.append(way)
+            way = onwards[way]
+            if way < 0:
+                here = whose[run[-1] ^ 1]
+                ways = leaving[first[here] : first[here + 1]].tolist()
+                way = next((way for way in ways if not seen[way >> 1]), -1)
+        nodes = [*whose[run].tolist(), int(whose[run[-1] ^ 1])]
+        closed = nodes[-1] == nodes[0]
+        return nodes[:-1] if closed else nodes, [way >> 1 for way in run], closed
+
+    ends_first = np.concatenate([leaving[first[:-1][steps_at == 1]], leaving])
+    return [walk(way) for way in ends_first.tolist() if not seen[way >> 1]]

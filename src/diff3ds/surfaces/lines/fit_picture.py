@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.curves.fit_cubics import fit_rows
+from diff3ds.curves.fit_cubics import FittedRows, fit_rows
 from diff3ds.page.picture import Picture
 
 # A step along the line of sight counts so much of one across it where parameters are spread along a chain: a chain that
@@ -48,7 +48,12 @@ class FittedChains:
 
 
 def fit_chains(
-    points: Float[Array, "M 3"], first: Int[Index, " F"], cuts: Int[Index, " U"], picture: Picture, tolerance: float
+    points: Float[Array, "M 3"],
+    first: Int[Index, " F"],
+    cuts: Int[Index, " U"],
+    picture: Picture,
+    tolerance: float,
+    spacing: float = 0.0,
 ) -> FittedChains:
     """Rational cubics along chains of points in front of the near plane.
 
@@ -57,6 +62,7 @@ def fit_chains(
         first: the first point of each chain, and the number of all.
         cuts: points at which one cubic has to end and another to begin.
         tolerance: largest distance of the points from the cubics, in pixels of the picture.
+        spacing: points that are nearer than this to the one before, pixels, are not fitted.
     """
     pixels, depths = picture.seen(points)
     inverse = depths if picture.orthographic else 1 / depths
@@ -72,8 +78,26 @@ def fit_chains(
     )
     steps = np.hypot(np.linalg.norm(np.diff(pixels, axis=0), axis=1), sight)
     length = np.append(0.0, np.cumsum(steps))[: len(points)]
-    fitted = fit_rows(values, start, stop, tolerance, length, measured=2)
-    return FittedChains(_in_space(fitted.control, picture), chain[fitted.start], fitted.start, fitted.stop, fitted.t)
+    kept = np.arange(len(points))
+    if spacing and len(points):
+        far = np.append(True, np.diff(np.floor(length / spacing)) > 0)
+        far[ends] = True
+        kept = np.flatnonzero(far)
+    start, stop = np.searchsorted(kept, start), np.searchsorted(kept, stop)
+    fitted = fit_rows(values[kept], start, stop, tolerance, length[kept], measured=2)
+    start, stop = kept[fitted.start], kept[fitted.stop]
+    t = _between(fitted, length, kept) if len(kept) < len(points) else fitted.t
+    return FittedChains(_in_space(fitted.control, picture), chain[start], start, stop, t)
+
+
+def _between(fitted: FittedRows, length: Float[Array, " M"], kept: Int[Index, " K"]) -> Float[Array, " M"]:
+    """Parameters of all points, of which some were fitted."""
+    left, right = fitted.t.copy(), fitted.t.copy()
+    left[fitted.start], right[fitted.stop] = 0, 1
+    before = np.minimum(np.searchsorted(kept, np.arange(len(length)), "right"), len(kept) - 1) - 1
+    begin, end = length[kept[before]], length[kept[before + 1]]
+    share = (length - begin) / np.where(end > begin, end - begin, 1.0)
+    return left[before] + share * (right[before + 1] - left[before])
 
 
 def _in_space(control: Float[Array, "P 4 3"], picture: Picture) -> Float[Array, "P 4 4"]:

@@ -15,6 +15,7 @@ from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.page.drawn_paths import ink_boxes
 from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, filled, lay_out, widened
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import CONTOUR, Lines, lines_for_pixels, visible_lines
 from diff3ds.surfaces.form.form_mesh import FormMesh
@@ -130,7 +131,7 @@ class MeshViews:
             report(Progress("turntable", done, count, None, len(self.features)))
 
         def seen(strokes: Sketch, cameras: Cameras, hatch: Hatch | None) -> list[Sketch]:
-            views = lines_for_pixels(strokes, cameras, shown, options.contours, told, hatch)
+            views = lines_for_pixels(strokes, cameras, shown, contours=options.contours, hatch=hatch, told=told)
             drawn = [self._drawn(lines) for lines in views]
             if len(shown) == len(self.mesh):
                 return drawn
@@ -197,8 +198,9 @@ class Drawings:
             say: told of pens.
         """
         options, page = self.of.options, self.of.options.page.setup
-        names = set()
-        for view, (lines, drawing) in enumerate(zip(self.views, self.sketches, strict=True)):
+
+        def written(view: int) -> tuple[set[str], list[str]]:
+            lines, drawing, said = self.views[view], self.sketches[view], list[str]()
             name = f"drawing-{view + 1:0{len(str(len(self.sketches)))}}"
             layers = layers_of(lines.layers(options.hidden), drawing, self.of.mesh)
             origins = lines.origins(options.hidden)
@@ -208,10 +210,13 @@ class Drawings:
             how |= {"numbers": numbers, "kept": KEPT[:1], "page": page, "dashes": lines.dashes(options.hidden)}
             travel = save_svg(out / f"{name}.svg", drawing, self.cameras[view], **how)
             if travel is not None:
-                say(f"{name}.svg: {travel.told('pixels' if page is None else 'mm', options.speed)}")
+                said.append(f"{name}.svg: {travel.told('pixels' if page is None else 'mm', options.speed)}")
             if len(drawing):
                 save_step(out / f"{name}.step", drawing, layers=layers)
-                names.add(f"{name}.step")
             save_png(out / f"{name}.png", pictures[view], pixels_per_mm=options.page.picture_per_mm)
-            names |= {f"{name}.svg", f"{name}.png"}
-        return names
+            return {f"{name}.{suffix}" for suffix in ("svg", "png", *["step"] * (len(drawing) > 0))}, said
+
+        found = in_copies(written, len(self.views), len(self.views))
+        for line in (line for _, said in found for line in said):
+            say(line)
+        return set[str]().union(*(names for names, _ in found))

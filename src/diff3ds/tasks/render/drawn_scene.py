@@ -103,7 +103,7 @@ class Scene:
         if self.picture.turntable is None:
             views = visible_lines(sketch, cameras, surface, contours=contours, hatch=hatch)
         else:
-            views = lines_for_pixels(sketch, cameras, surface, contours, lambda done: None, hatch)
+            views = lines_for_pixels(sketch, cameras, surface, contours=contours, hatch=hatch)
         return [self._shown(lines) for lines in views]
 
     def _shown(self, lines: Lines) -> Shown:
