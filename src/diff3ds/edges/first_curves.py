@@ -18,6 +18,7 @@ from diff3ds.edges.first.ridge_chains import APART, follow_chains
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
+from diff3ds.parallel.in_copies import in_copies
 
 # [units; derived] Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
 REACH = 1.1
@@ -93,11 +94,12 @@ def curves_through(
 
     def pieces(points: EdgePoints) -> list[Primitive]:
         chains = follow_chains(points, views.pixel, SHORTEST_CHAIN * views.pixel)
-        for done, chain in enumerate(chains):
-            tick(done, len(chains))
-            # Most chains are the same without the circles.
-            if chain.tobytes() not in known:
-                known[chain.tobytes()] = segmented(chain, views.pixel)
+        # Most chains are the same without the circles.
+        new = [chain for chain in chains if chain.tobytes() not in known]
+        found = in_copies(
+            lambda k: segmented(new[k], views.pixel), len(new), len(new), lambda done: tick(done, len(new))
+        )
+        known.update(zip((chain.tobytes() for chain in new), found, strict=True))
         return [piece for chain in chains for piece in known[chain.tobytes()]]
 
     circles, rest = find_circles(found, pieces(found), views.pixel)

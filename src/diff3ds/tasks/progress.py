@@ -1,6 +1,7 @@
 """What a running task tells."""
 
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -100,7 +101,8 @@ class StageTimes:
 
     def begin(self, stage: str) -> None:
         """Counts time for this stage from here on."""
-        now = time.perf_counter(), time.process_time()
+        copies = os.times()
+        now = time.perf_counter(), time.process_time() + copies.children_user + copies.children_system
         if self._stage is not None:
             spent = self._spent.setdefault(self._stage, [0.0, 0.0])
             spent[:] = (s + n - then for s, n, then in zip(spent, now, self._since, strict=True))

@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.chance import chance_near, told
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.parallel.side_by_side import side_by_side
 
 # [sides; derived] Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
@@ -51,7 +52,7 @@ def carve(
     side = cell * 2**HALVINGS
     axis = side * (np.arange(np.ceil(2 * half_side / side)) + 0.5) - half_side
     cells = _grid(axis)
-    cells = cells[_count(views, cells, side) >= least_views]
+    cells = cells[_confirmed(views, cells, side, least_views)]
     for turn in range(HALVINGS):
         side /= 2
         last = turn == HALVINGS - 1
@@ -94,7 +95,7 @@ def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: 
             odds += np.where(np.isfinite(off), np.where(near, passed.take(place), missed.take(place)), 0)
         return odds
 
-    odds = np.concatenate(side_by_side(odds_of, len(pieces), len(pieces)))
+    odds = np.concatenate(in_copies(odds_of, len(pieces), len(pieces)))
     return cells[np.sort(np.argsort(-odds, kind="stable")[:most])]
 
 
@@ -108,23 +109,33 @@ def _divided(
     """The eighths of cells that enough views confirm; part by part, so that memory is bounded."""
     corners = side * _grid(np.array([-0.5, 0.5]))
     most = LARGE * most_cells(views, least_views)
+
+    def parts(piece: int) -> Float[Array, "P 3"]:
+        return (cells[piece * CHUNK : (piece + 1) * CHUNK, None] + corners).reshape(-1, 3)
+
+    count = -(-len(cells) // CHUNK)
+    confirmed = in_copies(
+        lambda piece: _confirmed(views, parts(piece), side, least_views),
+        count,
+        count,
+        lambda done: tick(min(done * CHUNK, len(cells)), len(cells)),
+    )
     kept = [np.zeros((0, 3))]
-    for i in range(0, len(cells), CHUNK):
-        tick(i, len(cells))
-        parts = (cells[i : i + CHUNK, None] + corners).reshape(-1, 3)
-        kept.append(parts[_count(views, parts, side) >= least_views])
+    for piece, stay in enumerate(confirmed):
+        kept.append(parts(piece)[stay])
         if sum(map(len, kept)) > 2 * most:
             kept = [_likeliest(views, np.concatenate(kept), side, most)]
     return _likeliest(views, np.concatenate(kept), side, most)
 
 
-def _count(views: EdgeViews, cells: Float[Array, "M 3"], side: float) -> Int[NDArray[np.int64], " M"]:
-    """How many views have a ridge within the pixels that half the diagonal of a cell covers."""
+def _confirmed(
+    views: EdgeViews, cells: Float[Array, "M 3"], side: float, least_views: float
+) -> Bool[NDArray[np.bool_], " M"]:
+    """Whether enough views have a ridge within the pixels that half the diagonal of a cell covers."""
     radius = HALF_DIAGONAL * side * views.focal
-
+    count = np.zeros(len(cells), np.int32)
     # View by view, in single precision: no array leaves the processor's cache.
-    def passed(view: int) -> Bool[NDArray[np.bool_], " M"]:
+    for view in range(len(views)):
         off, depth, _ = views.nearby(view, cells)
-        return np.asarray(off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2)
-
-    return np.sum(side_by_side(passed, len(views), len(views)), axis=0, dtype=np.int64)
+        count += off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2
+    return np.asarray(count >= least_views)

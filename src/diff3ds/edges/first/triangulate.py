@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.first.carve import CELL, CHUNK
 from diff3ds.edges.watch import Tick, no_tick
-from diff3ds.parallel.side_by_side import side_by_side
+from diff3ds.parallel.in_copies import in_copies
 
 # [rounds; empirical] Rounds of moving points onto the edges.
 ROUNDS = 8
@@ -69,7 +69,7 @@ def triangulate(
         tick: see `watch`.
     """
     count = -(-len(starts) // CHUNK)
-    parts = side_by_side(
+    parts = in_copies(
         lambda k: _triangulated(views, starts[k * CHUNK : (k + 1) * CHUNK], least_score),
         count,
         count,

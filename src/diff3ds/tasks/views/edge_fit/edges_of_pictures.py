@@ -21,6 +21,7 @@ from diff3ds.edges.evidence.ridges import (
 )
 from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import is_all_known
@@ -100,8 +101,9 @@ def ridges_of(pictures: PosedPictures, views: Int[Tensor, " B"]) -> list[Ridges]
 def _looked(pictures: PosedPictures, views: list[int], tops: list[Ridges], room: int) -> Looked:
     """The strongest of the tops, so many, as ridges."""
     sigma = MAP_SIGMA if _is_drawn(pictures) else COLOR_SIGMA
-    chosen = zip(strongest(tops, room), tops, strict=True)
-    return Looked(views, [unshrunk(some, sigma, among) for some, among in chosen], strongest(tops, MOST_FAINT))
+    chosen = strongest(tops, room)
+    ridges = in_copies(lambda k: unshrunk(chosen[k], sigma, tops[k]), len(views), len(views))
+    return Looked(views, ridges, strongest(tops, MOST_FAINT))
 
 
 def _is_drawn(pictures: PosedPictures) -> bool:
@@ -117,14 +119,19 @@ def _tops_of(pictures: PosedPictures, views: Int[Tensor, " B"], tell: Tell, know
     """
     drawn = _is_drawn(pictures)
     width = line_width(pictures.store) * pictures.cameras.size[0] if drawn else 0.0
-    for done, view in enumerate(views.tolist()):
-        tell("edges of the pictures", done, len(views), None, 0)
-        if view in known:
-            continue
-        batch = pictures.batch([view])
+    new = [view for view in views.tolist() if view not in known]
+
+    def tops_of(k: int) -> Ridges:
+        batch = pictures.batch([new[k]])
         pixels = batch.pixels[0].numpy()
         tops = map_tops(narrowed(pixels[..., 0], width)) if drawn else color_tops(pixels)
-        known[view] = tops if is_all_known(pictures.store.known) else within(tops, batch.known[0].numpy())
+        return tops if is_all_known(pictures.store.known) else within(tops, batch.known[0].numpy())
+
+    def told(done: int) -> None:
+        tell("edges of the pictures", done, len(new), None, 0)
+
+    told(0)
+    known.update(zip(new, in_copies(tops_of, len(new), len(new), told), strict=True))
     found = [known[view] for view in views.tolist()]
     # The logarithm of a gradient says nothing about doubt.
     return without_faint(found) if pictures.target == "edges" else found
