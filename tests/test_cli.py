@@ -234,3 +234,15 @@ def test_rate_and_time_left_are_there_after_two_steps(seconds, shown):
     last = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", screen.getvalue()).split("distill")[-1]
     assert f"1002/1062  {shown}" in last
     assert f" {timedelta(seconds=60 * seconds)} " in last
+
+
+def test_a_bar_is_drawn_no_more_than_ten_times_a_second():
+    screen, now = io.StringIO(), [0.0]
+    console = Console(file=screen, force_terminal=True, width=140, get_time=lambda: now[0])
+    with progress_on(console) as report:
+        for step in range(1, 40):
+            report(Progress("fit", step, 62, None, 0))
+            now[0] += 0.03
+    # The first, and every fourth after it.
+    assert "37/62" in screen.getvalue()
+    assert not any(f"{step}/62" in screen.getvalue() for step in (36, 38, 39))

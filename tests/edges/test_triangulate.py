@@ -9,6 +9,7 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.first.carve import CELLS_A_PLACE, HALF_DIAGONAL, carve, most_cells
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
+from diff3ds.render.backends import set_num_threads
 
 CAMERAS = around(24, 96)
 ENDS = [
@@ -61,6 +62,20 @@ def test_points_lie_on_the_edges_and_run_along_them(scene):
     np.testing.assert_allclose(np.linalg.norm(found.directions, axis=1), 1, rtol=0, atol=1e-9)
     # All of the edges are found.
     assert (cKDTree(found.points).query(np.concatenate(LINES))[0] < 1.2 * views.pixel).mean() > 0.98
+
+
+def test_any_number_of_copies_of_the_process_finds_the_same(scene):
+    views, min_views = scene
+    found = []
+    try:
+        for threads in (1, 3):
+            set_num_threads(threads)
+            points, cells = found_in(views, min_views)
+            found.append((cells, points.points, points.directions, points.scores))
+    finally:
+        set_num_threads(None)
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_scores_count_the_views_that_agree(scene):

@@ -1,6 +1,7 @@
 """What a running task tells of its losses."""
 
 import math
+import sys
 import time
 from types import SimpleNamespace
 
@@ -10,9 +11,11 @@ from rich.console import Console
 
 from diff3ds.command_line.console import progress_on
 from diff3ds.optimize.fit import Step
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.render import Rendering
+from diff3ds.render.backends import set_num_threads
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import Lines, Progress, ShownLoss
+from diff3ds.tasks.progress import Lines, Progress, ShownLoss, StageTimes
 
 
 class CountedStep(Step):
@@ -83,3 +86,21 @@ def test_off_a_terminal_progress_is_lines(monkeypatch, capsys):
     with progress_on(Console(stderr=True, force_terminal=False, quiet=True)) as report:
         report(Progress("carve", 3, 8, None, 0))
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
+def test_the_processor_time_of_copies_is_that_of_the_stage_that_waits_for_them():
+    set_num_threads(2)
+    try:
+        times = StageTimes()
+        times.begin("apart")
+        in_copies(lambda job: _busy(0.2), 2, 2)
+        assert 0.3 < times.seconds()["apart"]["processor"] < 2.0
+    finally:
+        set_num_threads(None)
+
+
+def _busy(seconds: float) -> None:
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass

@@ -1,5 +1,6 @@
 """What a command says while it works: progress, what it wrote, where to look; to stderr."""
 
+import math
 from collections.abc import Callable, Iterator, Sized
 from contextlib import contextmanager
 from functools import partial
@@ -15,6 +16,8 @@ from diff3ds.tasks.progress import Lines, Progress, Report
 # The rate is that of the last so many seconds, at most of the last 1000 steps. A step of a large network may take one
 # minute, or ten on a CPU, and a rate needs two.
 RATE_PERIOD = 1800.0
+# [s; speed] A bar is drawn so often: of a stage with thousands of steps a second each would cost more than the step.
+DRAWN = 0.1
 
 
 class PlainConsole(Console):
@@ -64,8 +67,10 @@ def run_shown(out: Path, view: bool, quiet: bool, run: Callable[[Report, Callabl
 
 @contextmanager
 def progress_on(console: Console) -> Iterator[Report]:
-    """What reports to a progress bar on a terminal; elsewhere, as in a file, to a line now and then."""
-    if console.is_terminal or console.quiet:
+    """What reports to a progress bar on a terminal; elsewhere, as in a file, to a line now and then; or to nobody."""
+    if console.quiet:
+        yield lambda progress: None
+    elif console.is_terminal:
         with _bars(console) as report:
             yield report
     else:
@@ -82,12 +87,15 @@ def _bars(console: Console) -> Iterator[Report]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[about]}"),
     )
-    bars = Bars(*columns, console=console, disable=console.quiet, speed_estimate_period=RATE_PERIOD)
+    bars = Bars(*columns, console=console, speed_estimate_period=RATE_PERIOD)
     task = None
-    stage = ""
+    stage, due = "", -math.inf
 
     def report(progress: Progress) -> None:
-        nonlocal task, stage
+        nonlocal task, stage, due
+        if progress.stage == stage and progress.done != progress.total and console.get_time() < due:
+            return
+        due = console.get_time() + DRAWN
         # Not before there is something to show: an empty display leaves an empty line.
         bars.start()
         if task is None or progress.stage != stage:

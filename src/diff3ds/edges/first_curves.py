@@ -102,8 +102,9 @@ def curves_through(
         known.update(zip((chain.tobytes() for chain in new), found, strict=True))
         return [piece for chain in chains for piece in known[chain.tobytes()]]
 
-    circles, rest = find_circles(found, pieces(found), views.pixel)
-    curves = curves_of([*pieces(rest), *circles])
+    first = pieces(found)
+    circles, rest = find_circles(found, first, views.pixel)
+    curves = curves_of([*(pieces(rest) if circles else first), *circles])
     if chance is not None:
         curves, most = likely(curves, chance), min(most, MOST_OF_PHOTOGRAPHS)
         # Doubles of some hundred are told apart better when they have been refined.

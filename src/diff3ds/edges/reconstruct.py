@@ -16,6 +16,7 @@ from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.complete.corners import with_corners
 from diff3ds.edges.complete.hypothesis import AGAIN, NARROW, SHOWN
+from diff3ds.edges.complete.loops import find_loops
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.related_circles import with_related_circles
@@ -294,6 +295,9 @@ def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
         return curves
     curves = whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
     curves = without_rounded_faces(curves)
+    # Where no circle and no rim stands nothing is asked, and faint edges need not be looked at.
+    if not bool(curves.closed.any()) and not find_loops(curves, scene.views.pixel):
+        return curves
     told, tick = scene.faintly, scene.ticks("related circles", len(curves))
     curves = with_related_circles(curves, told, scene.outward, tick)
     return with_pockets(curves, told.views, scene.outward, scene.ticks("pockets", len(curves)), told)

@@ -30,6 +30,7 @@ from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
 from diff3ds.edges.measure.planes import SAMPLES
 from diff3ds.edges.watch import Tick, no_tick
+from diff3ds.parallel.in_copies import in_copies
 
 # [px; empirical] Lines that meet pass each other within this, and one of them ends so far from there at least, as far
 # as an arc lies that is told from a sharp corner; they may go so far into the arc; the longest tangents; a line is no
@@ -101,15 +102,18 @@ def _best(curves: Curves, views: EdgeViews, min_views: float, tick: Tick) -> lis
     lines = np.nonzero(straight)[0].tolist()
     free = [(line, end) for line in lines for end in (0, 1) if int(curves.vertex[line, end]) not in round_]
     bent = _bent_between_lines(curves)
-    found = []
     pairs = _meeting_pairs(points, free, views.pixel)
-    for done, (one, other) in enumerate(pairs):
-        tick(done, len(pairs))
-        sides = _sides(points, one, other, views.pixel)
-        corner = None if sides is None else _corner(samples, alone, straight, sides, views, min_views)
+    every = [(pair, sides) for pair in pairs if (sides := _sides(points, *pair, views.pixel)) is not None]
+
+    def corner_of(k: int) -> _Corner | None:
+        pair, sides = every[k]
+        corner = _corner(samples, alone, straight, sides, views, min_views)
         # An arc that ends where the corner would begin is a piece of it, or there is no room for one.
-        here = {arc for line, end in (one, other) for arc in bent.get(int(curves.vertex[line, end]), [])}
-        found += [corner] if corner is not None and here.issubset(corner.pieces) else []
+        here = {arc for line, end in pair for arc in bent.get(int(curves.vertex[line, end]), [])}
+        return corner if corner is not None and here.issubset(corner.pieces) else None
+
+    tried = in_copies(corner_of, len(every), len(every), lambda done: tick(done, len(every)))
+    found = [corner for corner in tried if corner is not None]
     chosen: list[_Corner] = []
     for corner in sorted(found, key=lambda corner: (-len(corner.pieces), -corner.views)):
         if not any(_disturb(corner, other, views.pixel) for other in chosen):

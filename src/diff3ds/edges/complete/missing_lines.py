@@ -21,7 +21,7 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.measure.fit_ridges import LEAST_LINE
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
-from diff3ds.parallel.side_by_side import side_by_side
+from diff3ds.parallel.in_copies import in_copies
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -34,8 +34,8 @@ GLANCE = 4
 # [pairs; speed] Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD
 # models have some dozens to hundreds. Between those of thousands a long line is more likely chance.
 MOST_PAIRS = 200_000
-# [points in views; speed] So many sample points in views are looked at at once.
-BLOCK = 1_000_000
+# [pairs; speed] So many are worth a copy of the process.
+A_COPY = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +93,7 @@ def bridged(
     again = likely
     while True:
         drawing = _drawing(curves)
-        for done, pair in enumerate(again):
-            tick(done, len(again))
-            found[pair] = _bridge(drawing, pair, views, rest, SHOWN * min_views)
+        found |= zip(again, _bridges(drawing, again, views, rest, SHOWN * min_views, tick), strict=True)
         # The bridge that joins most pieces, of these the one that most views show.
         bridges = [bridge for pair in likely if (bridge := found[pair]) is not None]
         best = max(bridges, key=lambda bridge: (len(bridge.pieces), bridge.views), default=None)
@@ -128,13 +126,7 @@ def _likely(curves: Curves, views: EdgeViews, min_views: float, capped: Capped) 
 
 def _views_there(ends: Float[Array, "P 2 3"], fraction: float, views: EdgeViews) -> Int[NDArray[np.int64], " P"]:
     """How many views show lines between pairs of ends at this fraction of the way."""
-    # In pieces, so that memory is bounded.
-    pieces = np.array_split(ends, len(ends) * len(views) // BLOCK + 1)
-
-    def there(k: int) -> Int[NDArray[np.int64], " K"]:
-        return _between(pieces[k], np.array([fraction])).shown(views, SEEN).sum(0)[:, 0]
-
-    return np.concatenate(side_by_side(there, len(pieces), len(pieces)))
+    return np.asarray(_between(ends, np.array([fraction])).shown(views, SEEN).sum(0)[:, 0])
 
 
 def _drawing(curves: Curves) -> _Drawing:
@@ -176,6 +168,25 @@ def _between(ends: Float[Array, "P 2 3"], fraction: Float[Array, " S"]) -> Hypot
     """Lines between pairs of vertices, sampled at these fractions of the way."""
     way = ends[:, 1:] - ends[:, :1]
     return Hypothesis(ends[:, :1] + fraction[:, None] * way, np.repeat(unit(way), len(fraction), axis=1))
+
+
+def _bridges(
+    drawing: _Drawing,
+    pairs: list[tuple[int, int]],
+    views: EdgeViews,
+    rest: EdgeViews,
+    min_views: float,
+    tick: Tick,
+) -> list[_Bridge | None]:
+    """What `_bridge` gives for each pair."""
+    # Of few pairs a copy would take longer than it saves.
+    copies = len(pairs) // A_COPY
+    return in_copies(
+        lambda k: _bridge(drawing, pairs[k], views, rest, min_views),
+        len(pairs),
+        max(1, copies),
+        lambda done: tick(done, len(pairs)),
+    )
 
 
 def _bridge(

@@ -22,6 +22,7 @@ from diff3ds.edges.evidence.support import APART, crowded, spaced_samples
 from diff3ds.edges.measure.fit_ridges import apart, circle_at, in_plane, on_axis, points_on, shown_of, tangents_on
 from diff3ds.edges.measure.holes import PARALLEL
 from diff3ds.edges.watch import Tick, no_tick
+from diff3ds.parallel.in_copies import in_copies
 
 # [natural logarithms, fraction; empirical] Such evidence in the mean around, and for an edge on so much of it, makes a
 # circle worth fitting.
@@ -124,16 +125,18 @@ def _on_axis(circle: Circle, scene: _Scene) -> list[Circle]:
     angle = angles(SAMPLES)
     rays = points_on(circle._replace(center=np.zeros(3), radius=1.0), angle)
     tangents = np.tile(tangents_on(circle, angle), (len(radii), 1))
-    found = []
-    for height in np.arange(-1, 1, step):
-        center = circle.center + (height - circle.center @ axis) * axis
-        # What is looked for lies in the unit ball.
-        if center @ center > 1:
-            continue
-        told = scene.wide.evidence((center + radii[:, None, None] * rays).reshape(-1, 3), tangents)
+    heights = np.arange(-1, 1, step)
+    centers = circle.center + (heights[:, None] - circle.center @ axis) * axis
+    # What is looked for lies in the unit ball.
+    centers = centers[dot(centers, centers) <= 1]
+
+    def at(k: int) -> list[tuple[float, Circle]]:
+        told = scene.wide.evidence((centers[k] + radii[:, None, None] * rays).reshape(-1, 3), tangents)
         score = _score(told.reshape(len(radii), SAMPLES).T)
-        found += [(score[k], circle._replace(center=center, radius=float(radii[k]))) for k in _promising(score)]
-    return _best(found, scene.pixel)
+        return [(score[i], circle._replace(center=centers[k], radius=float(radii[i]))) for i in _promising(score)]
+
+    found = in_copies(at, len(centers), len(centers))
+    return _best([one for there in found for one in there], scene.pixel)
 
 
 def _in_plane(circle: Circle, scene: _Scene) -> list[Circle]:
@@ -150,11 +153,14 @@ def _in_plane(circle: Circle, scene: _Scene) -> list[Circle]:
     if len(rows) * len(columns) > MOST_PLACES:
         return []
     places = circle.center + np.stack(np.meshgrid(rows, columns, indexing="ij"), -1) @ axes
-    told = []
-    for turn in np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
+
+    def along(k: int) -> Float[Array, "R C"]:
+        turn = np.pi * k / DIRECTIONS
         tangent = np.broadcast_to(np.array([np.cos(turn), np.sin(turn)]) @ axes, (places.size // 3, 3))
         there = scene.wide.evidence(places.reshape(-1, 3), tangent)
-        told.append(np.pad(there.reshape(places.shape[:2]), LARGEST, constant_values=AGAINST))
+        return np.pad(there.reshape(places.shape[:2]), LARGEST, constant_values=AGAINST)
+
+    told = in_copies(along, DIRECTIONS, DIRECTIONS)
     angle, found = angles(SAMPLES), []
     across = np.round((angle / np.pi + 0.5) * DIRECTIONS).astype(int) % DIRECTIONS
     for radius in range(SMALLEST, LARGEST):

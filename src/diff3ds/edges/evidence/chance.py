@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.curves.directions import dot, unit
 from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
-from diff3ds.edges.evidence.support import NEAR, SLANT, headings
+from diff3ds.edges.evidence.support import NEAR, SLANT, headings, in_pieces
 
 # [1; numerical] Directions of lines that are told apart. A ridge confirms lines up to 25 degrees from it: two of these
 # to either side.
@@ -76,14 +76,18 @@ class Chance:
             asked: which views are asked about which points; default all.
             seen: how likely they see them; default as the views beside them say.
         """
-        match = self.views.match(x)
-        heading = headings(self.views, x, tangents, match.pixel)
-        across = np.abs(dot(heading, self.views.normals.take(match.ridge, 0)))
-        inside = match.distance < OUTSIDE
-        asked = inside if asked is None else inside & asked
-        shown = (match.distance < self.near) & (across < SLANT)
-        chance = self.at(match.pixel, heading)
-        return told(shown, chance, self._seen(shown, chance) if seen is None else seen, asked)
+
+        def of(piece: slice) -> Float[Array, " P"]:
+            match = self.views.match(x[piece])
+            heading = headings(self.views, x[piece], tangents[piece], match.pixel)
+            across = np.abs(dot(heading, self.views.normals.take(match.ridge, 0)))
+            inside = match.distance < OUTSIDE
+            counts = inside if asked is None else inside & asked[:, piece]
+            shown = (match.distance < self.near) & (across < SLANT)
+            chance = self.at(match.pixel, heading)
+            return told(shown, chance, self._seen(shown, chance) if seen is None else seen, counts)
+
+        return in_pieces(of, len(self.views), len(x))
 
     def _seen(self, shown: Bool[NDArray[np.bool_], "V M"], chance: Float[Array, "V M"]) -> Float[Array, "V M"]:
         """How likely each view sees each point, by what the views beside it show more often than by chance."""

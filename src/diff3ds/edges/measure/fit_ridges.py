@@ -16,6 +16,7 @@ from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints
 from diff3ds.edges.measure.planes import LOOKS, shared_planes
 from diff3ds.edges.measure.vertices import FARTHEST, met
 from diff3ds.edges.watch import Tick, no_tick
+from diff3ds.parallel.in_copies import in_copies
 
 # [rad; empirical] Less of an arc does not fix its circle.
 LEAST_SWEEP = np.deg2rad(80.0)
@@ -48,15 +49,17 @@ def fit_to_ridges(curves: Curves, views: EdgeViews, outward: float, tick: Tick =
     points, sure = old.copy(), np.zeros(len(curves), bool)
     rims = other_ends(curves.circles, views.pixel)
     owner = owners(curves)
-    for i, kind in enumerate(curves.kind.tolist()):
-        tick(i, len(curves))
-        on, found = owner == i, None
+
+    def fit_of(i: int) -> Float[Array, "4 3"] | None:
+        kind, on = int(curves.kind[i]), owner == i
         if kind == Kind.CIRCLE:
-            found = _fit_arc(x[on], free[:, on], old[i], views, outward, rims.get(i), closed=True)
-        elif kind == Kind.ARC:
-            found = _fit_arc(x[on], clear[:, on], old[i], views, outward)
-        elif kind == Kind.LINE:
-            found = _fit_line(x[on], (shown & clear)[:, on], old[i], views)
+            return _fit_arc(x[on], free[:, on], old[i], views, outward, rims.get(i), closed=True)
+        if kind == Kind.ARC:
+            return _fit_arc(x[on], clear[:, on], old[i], views, outward)
+        return _fit_line(x[on], (shown & clear)[:, on], old[i], views) if kind == Kind.LINE else None
+
+    fits = in_copies(fit_of, len(curves), len(curves), lambda done: tick(done, len(curves)))
+    for i, found in enumerate(fits):
         if found is not None:
             points[i], sure[i] = found, True
     moved = _with_points(curves, points)
