@@ -36,6 +36,7 @@ from diff3ds.edges.measure.offsets import PART_SCATTER
 from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.edges.refine import refined
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, not_said
+from diff3ds.parallel.in_copies import in_copies
 
 # [px; empirical] Shortest curve, and that of the second look.
 SHORTEST, SHORTEST_HIDDEN = 2.8, 8.0
@@ -123,7 +124,7 @@ def reconstruct(
     showing = sum(len(ridge) > 0 for ridge in ridges)
     if not showing:
         raise NoEdgesError(NOTHING)
-    sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
+    sides = in_copies(lambda view: outline_sides(ridges[view], cameras.size), len(ridges), len(ridges))
     scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped, faint)
     reached = reached or nothing_yet()
     while reached.stage < CALIBRATED:

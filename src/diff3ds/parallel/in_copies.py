@@ -46,7 +46,8 @@ def in_copies(
         for first in range(copies):
             channel, child = _copy(do, range(first, count, copies))
             children[channel] = child
-        while children and any(job not in found for job in range(failed)):
+        # Until all is known before the first failure.
+        while children and len(found) < count and not (failed < count and all(job in found for job in range(failed))):
             ready = wait(list(children))
             for channel in [one for one in children if one in ready]:
                 try:
