@@ -179,6 +179,23 @@ def test_points_on_and_beside_a_mesh_are_hidden_by_the_kernel_as_without_it(orth
         assert (hidden == expected).all()
 
 
+@pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")
+def test_the_kernel_finds_the_places_of_points_on_a_mesh_as_numpy_does(monkeypatch):
+    mesh = ds.TriangleMesh(*together(icosphere(3), box((-0.2, -1.7, -0.6), (1.5, 0.05, 0.3))))
+    rng = np.random.default_rng(5)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh), size=3000)]]
+    # In faces, on edges and at vertices, and beside them; some too far away.
+    shares = np.concatenate([rng.dirichlet([0.2] * 3, 2000), np.eye(3)[rng.integers(3, size=1000)]])
+    points = (corners * shares[..., None]).sum(1) + rng.normal(0, 0.01, (3000, 1)) * rng.normal(size=(3000, 3))
+    nearest = Nearest(mesh, 0.02)
+    moved, own = nearest.places(points)
+    monkeypatch.setattr("diff3ds.surfaces.shape.nearest.kernels", lambda: None)
+    expected, lies_on = nearest.places(points)
+    assert 0.5 < (own[:, 0] >= 0).mean() < 0.99
+    assert np.abs(moved - expected).max() < 1e-14
+    assert (np.sort(own, 1) == np.sort(lies_on, 1)).all()
+
+
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_triangles_of_very_different_sizes_hide_as_each_asked_alone(orthographic):
     """Fans of needles beside large faces, as in meshes of solids: all triangles that a view finds, and no other."""

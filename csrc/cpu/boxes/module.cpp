@@ -1,6 +1,7 @@
-// Boxes that meet those of an index, and triangles in a picture that hide points.
+// Boxes that meet those of an index, triangles in a picture that hide points, and triangles in space near them.
 #include "cpu/boxes/module.h"
 #include "cpu/boxes/index.h"
+#include "cpu/boxes/nearest.h"
 #include <vector>
 using namespace nb::literals;
 
@@ -115,11 +116,48 @@ Out<bool> py_hidden(const nb::tuple &tables, double cell, int bits, const nb::tu
   }
   return array(std::move(out), {Q});
 }
+
+// For each point the nearest triangle within the tolerance or -1, the barycentric coordinates of its closest point, and that point.
+nb::tuple py_nearest(const nb::tuple &tables, double cell, int bits, nb::object of_box, nb::object corners, double tolerance, nb::object points) {
+  const Index index(tables, cell, bits);
+  const In<int64_t> triangle(of_box);
+  const In<double> corner(corners), places(points);
+  const size_t T = corner.shape(0), Q = places.shape(0);
+  require(index.axes() == 3 && has_shape(places, {Q, 3}) && has_shape(corner, {T, 3, 3}), "points must have shape (Q, 3), corners (T, 3, 3)");
+  require(has_shape(triangle, {index.lows.shape(0)}), "a triangle a box must be given");
+  for (size_t k = 0; k < triangle.size(); k++) require(uint64_t(triangle.data()[k]) < T, "a box must be of a triangle");
+  Buffer<int64_t> nearest(Q);
+  Buffer<double> shares(3 * Q), found(3 * Q);
+  {
+    nb::gil_scoped_release nogil;
+    for (size_t q = 0; q < Q; q++) {
+      const Vector p(places.data() + 3 * q);
+      double best = tolerance, share[3], *own = shares.get() + 3 * q, *at = found.get() + 3 * q;
+      nearest.get()[q] = -1;
+      for (int d = 0; d < 3; d++) own[d] = 0, at[d] = places.data()[3 * q + d];
+      index.visit<3>(places.data() + 3 * q, places.data() + 3 * q, [&](int64_t box) {
+        const int64_t t = triangle.data()[box];
+        const double *c = corner.data() + 9 * t;
+        closest_on_triangle(p, c, share);
+        const Vector on = Vector(c) * share[0] + Vector(c + 3) * share[1] + Vector(c + 6) * share[2];
+        const double distance = (p - on).length();
+        // Of those that are as near the last one, as numpy has it.
+        if (!(distance <= best)) return false;
+        best = distance, nearest.get()[q] = t;
+        for (int d = 0; d < 3; d++) own[d] = share[d];
+        at[0] = on.x, at[1] = on.y, at[2] = on.z;
+        return false;
+      });
+    }
+  }
+  return nb::make_tuple(array(std::move(nearest), {Q}), array(std::move(shares), {Q, 3}), array(std::move(found), {Q, 3}));
+}
 }  // namespace
 
 void bind(nb::module_ &m) {
   m.def("boxes_meeting", &py_meeting, "tables"_a, "cell"_a, "bits"_a, "low"_a, "high"_a, "first"_a, "most"_a);
   m.def("boxes_hidden", &py_hidden, "tables"_a, "cell"_a, "bits"_a, "triangles"_a, "seam"_a, "touching"_a, "orthographic"_a, "rings"_a, "pixels"_a,
         "depths"_a, "own"_a.none());
+  m.def("boxes_nearest", &py_nearest, "tables"_a, "cell"_a, "bits"_a, "of_box"_a, "corners"_a, "tolerance"_a, "points"_a);
 }
 }  // namespace stroke::boxes

@@ -1,11 +1,14 @@
 """Where points lie on a mesh: the crease, border or face that each is on, within a tolerance."""
 
+from functools import cached_property
 from typing import cast
 
 import numpy as np
+import torch
 
-from diff3ds._shapes import Array, Float, Index, Int
+from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.page.boxes import MOST_BOXES, all_of, slices
+from diff3ds.render.backends import kernels
 from diff3ds.surfaces.shape.intersections import Seams
 from diff3ds.surfaces.shape.on_lines import index_of, on_segments
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -58,12 +61,24 @@ class Nearest:
             found, share = on_segments(points[query], self._lines[line])
             self._take(points, query, found, self._of_line(line, share), moved, own)
         rest = np.flatnonzero(own[:, 0] < 0)
+        if kernel := getattr(kernels(), "boxes_nearest", None):
+            given = torch.from_numpy(np.ascontiguousarray(points[rest], np.float64))
+            face, shares, found = kernel(*self._faces.tables, *self._tables, self.tolerance, given)
+            near = face >= 0
+            moved[rest[near]] = found[near]
+            own[rest[near]] = _of_triangle(self.mesh.faces[face[near]], shares[near])
+            return moved, own
         for row, box in self._faces.batches(points[rest]):
             query, face = rest[row], self._triangle[box]
             corners = self.mesh.vertices.take(self.mesh.faces.take(face, 0), 0)
             found, shares = closest_on_triangles(points.take(query, 0), corners)
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
+
+    @cached_property
+    def _tables(self) -> tuple[Tensor, Tensor]:
+        """The triangle of each box, and their corners, for the compiled kernel."""
+        return torch.from_numpy(self._triangle), torch.from_numpy(self.mesh.vertices[self.mesh.faces])
 
     def _of_line(self, line: Int[Index, " P"], share: Float[Array, " P"]) -> Int[Index, "P 3"]:
         """The vertices of edges, or of one of the two faces of seams: the other face is as near to the camera there."""
