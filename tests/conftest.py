@@ -25,13 +25,10 @@ hypothesis.settings.load_profile("diff3ds")
 
 
 def pytest_xdist_auto_num_workers(config) -> int:
-    """All tests, or a folder of them, share the processors; files named one by one run here, as all do with a GPU.
-
-    One more than there are processors: some tests wait, for a server, a browser or another process.
-    """
+    """All tests, or a folder of them, share the processors; files named one by one run here, as all do with a GPU."""
     named_files = any(".py" in argument for argument in config.args)
     gpu = promised() or torch.cuda.is_available()
-    return 0 if named_files or gpu else min(len(os.sched_getaffinity(0)) + 1, MOST_WORKERS)
+    return 0 if named_files or gpu else min(len(os.sched_getaffinity(0)), MOST_WORKERS)
 
 
 def pytest_collection() -> None:

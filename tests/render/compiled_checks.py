@@ -41,6 +41,8 @@ def along() -> dict[str, torch.Tensor]:
     return found | {"width": found["width"][:, None] * torch.linspace(1, 0.2, 4)}
 
 
+# Of the largest number.
+ROUNDINGS = 8
 CASES = {
     "plain": (tensors, {}, {}, VIEWS),
     "world": (tensors, {"width_space": "world"}, {}, VIEWS),
@@ -76,7 +78,9 @@ def test_a_compiled_loss_is_the_loss(name) -> None:
     expected = value_and_gradients(loss, make())
     got = value_and_gradients(torch.compile(loss, fullgraph=True, backend="aot_eager"), make())
     for one, other in zip(got, expected, strict=True):
-        torch.testing.assert_close(one, other, rtol=0, atol=0)
+        # Torch adds in another order in a graph where vectors are as short as AVX2's.
+        rounded = ROUNDINGS * torch.finfo(other.dtype).eps * float(other.abs().max())
+        torch.testing.assert_close(one, other, rtol=0, atol=rounded)
 
 
 def test_a_compiled_loss_is_the_loss_without_gradients_and_for_any_number_of_strokes() -> None:
