@@ -41,8 +41,8 @@ def along() -> dict[str, torch.Tensor]:
     return found | {"width": found["width"][:, None] * torch.linspace(1, 0.2, 4)}
 
 
-# Of the largest number.
-ROUNDINGS = 8
+# Of the largest number, whose like a gradient is the sum of, some with the other sign.
+ROUNDINGS = 64
 CASES = {
     "plain": (tensors, {}, {}, VIEWS),
     "world": (tensors, {"width_space": "world"}, {}, VIEWS),
