@@ -359,6 +359,27 @@ def test_two_editors_lose_nothing(page):
     page.browser.errors[:] = [text for text in page.browser.errors if "412" not in text]
 
 
+def test_what_is_edited_while_the_file_is_loaded_anew_stays(page):
+    page.keys("n", "]")
+    ds.save(page.path, ds.Sketch(SQUARE.points + 1, width=0.02))
+    page.key("s", CONTROL)
+    page.browser.settle("!document.getElementById('notice').hidden")
+    page.browser.value(
+        "const before = fetch; window.fetch = async (name, how) => { const answer = await before(name, how);"
+        "if (name === 'sketch' && !how.method) await new Promise((go) => { window.arrive = go; }); return answer; }; 0"
+    )
+    page.browser.value(
+        "[...document.querySelectorAll('#notice button')].find(b => b.textContent === 'Load anew').click()"
+    )
+    page.browser.settle("window.arrive !== undefined")
+    page.key("]")
+    page.browser.value("arrive(); 0")
+    page.browser.settle("!document.getElementById('notice').hidden")
+    assert "still here" in page.browser.value("document.getElementById('notice').textContent")
+    assert not page.browser.value("document.querySelector('[data-edit=undo]').disabled")
+    page.browser.errors[:] = [text for text in page.browser.errors if "412" not in text]
+
+
 def test_edits_outlive_a_closed_page(browser, tmp_path):
     path = tmp_path / "sketch.json"
     ds.save(path, SQUARE)

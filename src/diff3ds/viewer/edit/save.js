@@ -98,8 +98,11 @@ async function saveCopy() {
 }
 
 async function loadAnew() {
+  const { doc } = edits.now;
   const news = await fetch("sketch", { cache: "no-store" }).then((answer) => answer.json(), () => null);
   if (!news) return refused(null);
+  // What is edited while the file is on its way stays.
+  if (edits.now.doc !== doc) return keepsEdits();
   passedOver = "";
   showSketch(news.sketch, news.start);
   return keep();
