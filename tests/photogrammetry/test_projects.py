@@ -124,6 +124,18 @@ def test_a_folder_is_no_picture_whatever_it_is_called(tmp_path):
     assert [file.name for file in pictures_in(tmp_path / "images")] == NAMES
 
 
+@pytest.mark.parametrize("kind", sorted(WITH_POINTS))
+@pytest.mark.parametrize("word", ["1e999", "1e200"])
+def test_points_that_are_nowhere_are_left_out(tmp_path, kind, word):
+    """As the one damaged number of a file; squares of what is kept are finite too."""
+    KINDS[kind](tmp_path)
+    last = str(POINTS[-1, -1])
+    for file in tmp_path.rglob("*"):
+        if file.suffix in (".txt", ".json", ".out"):
+            file.write_text(file.read_text().replace(last, word))
+    assert sparse_points(find_project(tmp_path)).tolist() == POINTS[:-1].tolist()
+
+
 @pytest.mark.parametrize("word", ["nan", "inf", "-1", "1.5"])
 def test_points_of_bundler_are_seen_a_whole_number_of_times(tmp_path, word):
     path = tmp_path / "bundle.out"

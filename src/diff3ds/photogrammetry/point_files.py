@@ -8,6 +8,7 @@ import torch
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.mesh_files.read_ply import ply_columns
+from diff3ds.photogrammetry.shot import finite_points
 
 # More is taken for a mistake: 10 million points with colours and normals take 400 MB.
 MAX_BYTES = 1 << 30
@@ -40,5 +41,4 @@ def load_points(path: Path) -> Float[Tensor, "P 3"]:
         raise ValueError(f"{path}: {error}") from error
     if not {"x", "y", "z"} <= columns.keys():
         raise ValueError(f"{path}: its vertices must have x, y and z")
-    points = torch.from_numpy(np.stack([columns[axis] for axis in "xyz"], 1))
-    return points[points.isfinite().all(1)]
+    return finite_points(torch.from_numpy(np.stack([columns[axis] for axis in "xyz"], 1)))

@@ -88,6 +88,22 @@ def pinhole(where: str, fx: float, fy: float, cx: float, cy: float, skew: float 
     return torch.tensor([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
 
 
+def finite_points(found: Float[Tensor, "P 3"] | Sequence[Sequence[float]]) -> Float[Tensor, "P 3"]:
+    """Those of some places that are finite, float64: one that is damaged must not make the bounds of all infinite.
+
+    Args:
+        found: as a program has written them; may be empty.
+
+    Raises:
+        ValueError: places that are not of three numbers.
+    """
+    points = torch.as_tensor(found, dtype=torch.float64)
+    points = points.reshape(-1, 3) if not len(points) else points
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"places must be of three numbers, got {tuple(points.shape)}")
+    return points[(points.abs() < LARGEST).all(1)]
+
+
 def checked(where: str, lens: Distortion) -> Distortion:
     """The lens.
 

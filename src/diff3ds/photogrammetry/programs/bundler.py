@@ -8,7 +8,7 @@ import torch
 from diff3ds._files import read_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
-from diff3ds.photogrammetry.shot import Shot, checked, pinhole, rigid, warn_left_out
+from diff3ds.photogrammetry.shot import Shot, checked, finite_points, pinhole, rigid, warn_left_out
 
 HEADER = "# Bundle file"
 # Its cameras look along -z, with y up.
@@ -67,7 +67,7 @@ def read_bundle_points(path: Path) -> Float[Tensor, "P 3"]:
             raise ValueError(f"{path}: expected in how many pictures a point is seen, got {seen}")
         for _ in range(4 * int(seen)):
             _next(path, numbers)
-    return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
+    return finite_points(found)
 
 
 def _parts(path: Path) -> tuple[Iterator[str], int, int]:

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from diff3ds._files import read_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.photogrammetry.programs.colmap_lenses import MODELS, camera_of
-from diff3ds.photogrammetry.shot import Shot, picture_size, quaternion_pose
+from diff3ds.photogrammetry.shot import Shot, finite_points, picture_size, quaternion_pose
 
 # A model of a thousand pictures takes some 200 MB; more is taken for a mistake or an attack.
 MAX_BYTES = 1 << 31
@@ -93,8 +91,7 @@ def read_points(folder: Path) -> Float[Tensor, "P 3"]:
             found.append(tuple(place))
     elif text.is_file():
         found = [_numbers(text, line, words[1:4], 3) for line, words in _lines(text)]
-    points = torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
-    return points[points.isfinite().all(1)]
+    return finite_points(found)
 
 
 def _cameras_text(path: Path) -> Iterator[tuple[int, _Camera]]:

@@ -3,13 +3,20 @@
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import torch
-
 from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, checked, damaged, picture_size, pinhole, rigid, warn_left_out
+from diff3ds.photogrammetry.shot import (
+    Shot,
+    checked,
+    damaged,
+    finite_points,
+    picture_size,
+    pinhole,
+    rigid,
+    warn_left_out,
+)
 
 NAME = "sfm_data.json"
 
@@ -54,7 +61,7 @@ def read_openmvg_points(path: Path) -> Float[Tensor, "P 3"]:
     """
     with damaged(path, "OpenMVG's"):
         found = [[float(n) for n in entry["value"]["X"]] for entry in read_json(path).get("structure") or []]
-        return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
+        return finite_points(found)
 
 
 def _camera(path: Path, camera: dict[str, Any]) -> tuple[tuple[int, int], Float[Tensor, "3 3"], Distortion]:

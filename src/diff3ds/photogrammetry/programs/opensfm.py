@@ -5,13 +5,20 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import LARGEST, Shot, checked, damaged, picture_size, pinhole, quaternion_pose
+from diff3ds.photogrammetry.shot import (
+    LARGEST,
+    Shot,
+    checked,
+    damaged,
+    finite_points,
+    picture_size,
+    pinhole,
+    quaternion_pose,
+)
 
 NAME = "reconstruction.json"
 # Names of lenses, with their radial coefficients.
@@ -61,7 +68,7 @@ def read_opensfm_points(path: Path) -> Float[Tensor, "P 3"]:
     """
     with damaged(path, "OpenSfM's"):
         found = [[float(n) for n in point["coordinates"]] for point in (_largest(path).get("points") or {}).values()]
-        return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
+        return finite_points(found)
 
 
 def _largest(path: Path) -> dict[str, Any]:
