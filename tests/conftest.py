@@ -31,6 +31,23 @@ def pytest_xdist_auto_num_workers(config) -> int:
     return 0 if named_files or gpu else min(len(os.sched_getaffinity(0)), MOST_WORKERS)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """For the run that checks annotations: the cases of one test call the same functions."""
+    parser.addoption("--first-cases", action="store_true", help="of each test the first of its cases alone")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """After the slow ones are left out, or a test whose first case is slow would have none."""
+    if config.getoption("--first-cases"):
+        first: dict[str, pytest.Item] = {}
+        for item in items:
+            first.setdefault(item.nodeid.partition("[")[0], item)
+        kept = set(first.values())
+        config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        items[:] = list(first.values())
+
+
 def pytest_collection() -> None:
     """What collection makes stays to the end: no search for garbage need look at it, now or later."""
     gc.disable()

@@ -361,6 +361,6 @@ def test_what_lands_has_passed_all_tests():
     *_, quick, slow, checked = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
     assert f"&& {quick}\n" in (ROOT / "README.md").read_text(encoding="utf-8")
     assert slow == f"{quick} -m slow"
-    assert checked == f"exec {quick} --jaxtyping-packages=diff3ds,annotations.checked"
+    assert checked == f"exec {quick} --first-cases --jaxtyping-packages=diff3ds,annotations.checked"
     options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
     assert '-m "not slow" -n auto' in options["addopts"]
