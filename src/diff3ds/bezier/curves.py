@@ -1,6 +1,7 @@
 """Rational Bézier curves of degree 1, 2 and 3 as tensors: evaluate, differentiate, elevate, split, cut."""
 
 import math
+from itertools import pairwise
 from typing import Any, overload
 
 import numpy as np
@@ -145,15 +146,15 @@ def subcurve_matrix(start: Float[Tensor, "*B"], stop: Float[Tensor, "*B"], degre
     Row i is the blossom of the Bernstein basis at (start, ..., start, stop, ..., stop), stop taken i times.
     All entries are non-negative for parameters in [0, 1]: the cut loses no digits.
     """
-    rows = []
+    rows: list[Tensor] = []
     for i in range(degree + 1):
-        row = torch.ones((*start.shape, 1), dtype=start.dtype, device=start.device)
+        row = [torch.ones_like(start)]
         for k in range(degree):
-            t = (stop if k < i else start)[..., None]
-            zero = torch.zeros_like(t)
-            row = torch.cat([row * (1 - t), zero], -1) + torch.cat([zero, row * t], -1)
-        rows.append(row)
-    return torch.stack(rows, -2)
+            t = stop if k < i else start
+            inner = [one * t + other * (1 - t) for one, other in pairwise(row)]
+            row = [row[0] * (1 - t), *inner, row[-1] * t]
+        rows += row
+    return torch.stack(rows, -1).reshape(*start.shape, degree + 1, degree + 1)
 
 
 def subcurve(

@@ -249,47 +249,66 @@ def _fitted(
     begin = length[rows.at[rows.offset]]
     span = length[rows.at[rows.offset + rows.counts - 1]] - begin
     t = (length[rows.at] - begin[rows.row]) / np.where(span > 0, span, 1.0)[rows.row]
+    # Coordinates one after the other: numpy takes several times as long to go along the few of each point.
+    points = np.ascontiguousarray(rows.points.T)
+    moved = points - points.take(rows.offset, 1).take(rows.row, 1)
     for left in range(rounds, -1, -1):
-        control = _free(rows, t, free) if ways is None else _along(rows, t, ways)
-        own = control[rows.row][..., :measured]
-        off = rows.points[:, :measured] - (bernstein(t, 3)[:, None] @ own)[:, 0]
+        b = _bernstein(t, 3)
+        control = _free(rows, b, moved, free) if ways is None else _along(rows, b, moved, ways)
+        own = control[..., :measured]
+        off = points[:measured] - _mixed(b, own, rows.row)
         if not left:
             break
         # One step of Gauss and Newton towards the closest point; what is not measured follows.
-        tangent = 3 * (bernstein(t, 2)[:, None] @ np.diff(own, axis=1))[:, 0]
-        t = np.clip(t + (off * tangent).sum(1) / np.maximum((tangent**2).sum(1), 1e-12), 0, 1)
+        tangent = 3 * _mixed(_bernstein(t, 2), np.diff(own, axis=1), rows.row)
+        t = np.clip(t + (off * tangent).sum(0) / np.maximum((tangent**2).sum(0), 1e-12), 0, 1)
         t[rows.offset], t[rows.offset + rows.counts - 1] = 0, 1
-    return control, t, np.linalg.norm(off, axis=1)
+    return control, t, np.linalg.norm(off, axis=0)
 
 
-def _sums(rows: _Rows, t: Float[Array, " M"]) -> tuple[Float[Array, "R 4 4"], Float[Array, "R 4 D"]]:
-    """Of products of the Bernstein polynomials, and of them with the points as seen from the first of each row."""
-    b = bernstein(t, 3)
-    moved = rows.points - rows.ends[0][rows.row]
-    products = np.add.reduceat(b[:, :, None] * b[:, None], rows.offset)
-    return products, np.add.reduceat(b[:, :, None] * moved[:, None], rows.offset)
+def _bernstein(t: Float[Array, " M"], degree: int) -> Float[Array, "K M"]:
+    return np.ascontiguousarray(bernstein(t, degree).T)
 
 
-def _free(rows: _Rows, t: Float[Array, " M"], free: tuple[int, ...]) -> Float[Array, "R 4 D"]:
+def _mixed(b: Float[Array, "K M"], control: Float[Array, "R K D"], row: Int[Index, " M"]) -> Float[Array, "D M"]:
+    """The points of the rows' curves at these Bernstein polynomials."""
+    along = np.ascontiguousarray(control.transpose(1, 2, 0)).take(row, 2)
+    return np.asarray((b[:, None] * along).sum(0))
+
+
+def _sums(
+    rows: _Rows, b: Float[Array, "4 M"], moved: Float[Array, "D M"], inner: Sequence[int]
+) -> tuple[Float[Array, "R I 4"], Float[Array, "R I D"]]:
+    """Of products of some Bernstein polynomials with all, and with the points as seen from the first of each row."""
+    some = b[list(inner), None]
+    products, sums = (np.add.reduceat(some * other, rows.offset, axis=2).transpose(2, 0, 1) for other in (b, moved))
+    return np.ascontiguousarray(products), np.ascontiguousarray(sums)
+
+
+def _free(
+    rows: _Rows, b: Float[Array, "4 M"], moved: Float[Array, "D M"], free: tuple[int, ...]
+) -> Float[Array, "R 4 D"]:
     """The cubics of least squares of which these control points are free, and the others those of even spacing."""
-    products, sums = _sums(rows, t)
+    products, sums = _sums(rows, b, moved, free)
     first, last = rows.ends
     even = np.linspace(0, 1, 4)[:, None] * (last - first)[:, None]
     pull = (EVEN * rows.counts)[:, None, None]
     inner, held = list(free), [k for k in range(4) if k not in free]
-    right = sums[:, inner] - products[:, inner][:, :, held] @ even[:, held] + pull * even[:, inner]
-    even[:, inner] = np.linalg.solve(products[:, inner][:, :, inner] + pull * np.eye(len(inner)), right)
+    right = sums - products[:, :, held] @ even[:, held] + pull * even[:, inner]
+    even[:, inner] = np.linalg.solve(products[:, :, inner] + pull * np.eye(len(inner)), right)
     return first[:, None] + even
 
 
-def _along(rows: _Rows, t: Float[Array, " M"], ways: Float[Array, "R 2 D"]) -> Float[Array, "R 4 D"]:
+def _along(
+    rows: _Rows, b: Float[Array, "4 M"], moved: Float[Array, "D M"], ways: Float[Array, "R 2 D"]
+) -> Float[Array, "R 4 D"]:
     """The cubics of least squares that leave the ends of rows along these vectors."""
-    products, sums = _sums(rows, t)
+    products, sums = _sums(rows, b, moved, (1, 2))
     first, last = rows.ends
     chord = last - first
-    rest = sums[:, 1:3] - (products[:, 1:3, 2:].sum(2))[..., None] * chord[:, None]
+    rest = sums - (products[:, :, 2:].sum(2))[..., None] * chord[:, None]
     wanted = (rest * ways).sum(2)
-    a, b, c = products[:, 1, 1], products[:, 1, 2] * (ways[:, 0] * ways[:, 1]).sum(1), products[:, 2, 2]
+    a, b, c = products[:, 0, 1], products[:, 0, 2] * (ways[:, 0] * ways[:, 1]).sum(1), products[:, 1, 2]
     determinant = a * c - b * b
     sound = np.abs(determinant) > 1e-12 * a * c
     reach = np.stack([wanted[:, 0] * c - wanted[:, 1] * b, wanted[:, 1] * a - wanted[:, 0] * b], 1)

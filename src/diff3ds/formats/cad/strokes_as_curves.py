@@ -5,6 +5,7 @@ are known, so that kinds depend neither on where a drawing lies nor on how it wa
 "Kinds of curves").
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate, to_nurbs
 from diff3ds.bezier.curves import from_homogeneous, homogeneous
 from diff3ds.bezier.pieces import standard_form
+from diff3ds.curves.directions import cross
 from diff3ds.formats.cad.arcs import Arc, Vector, arc_along
 from diff3ds.sketch import Sketch
 
@@ -83,12 +85,10 @@ def curves_of(sketch: Sketch, tolerance: float | None = None) -> Iterator[list[C
     begins = torch.arange(len(sketch)) if sketch.chains is None else sketch.chains.first[sketch.chains.stroke]
     local = points - points[begins, :1]
     control, _ = standard_form(homogeneous(local, weights))
-    samples = evaluate(*from_homogeneous(control), _SAMPLES)
+    samples = evaluate(*from_homogeneous(control), _SAMPLES).numpy()
     for stroke in range(len(sketch)):
         rows = slice(first[stroke], first[stroke + 1])
-        yield _Stroke(
-            points[rows], weights[rows], local[rows].numpy(), samples[rows].numpy(), known, tolerance
-        ).curves()
+        yield _Stroke(points[rows], weights[rows], local[rows].numpy(), samples[rows], known, tolerance).curves()
 
 
 class _Stroke(NamedTuple):
@@ -138,7 +138,7 @@ class _Stroke(NamedTuple):
         tolerance = self._tolerance(points)
         off = _off_chord(points, tolerance)
         line = Line(*self.points[segment][[0, -1]].numpy()) if off <= tolerance else None
-        if len(points) == 2 or off <= min(self.known, tolerance):
+        if len(points) == 2 or off <= min(self.known, tolerance) or _leaves_plane(samples, tolerance):
             return line
         found = self._arc(samples, True)
         if line is not None:
@@ -161,6 +161,18 @@ class _Stroke(NamedTuple):
         """Segments that follow on each other, as one B-spline, in world coordinates."""
         control, weight, knots = to_nurbs(self.points[segments], self.weights[segments])
         return Spline(control.numpy(), weight.numpy(), knots.numpy(), self.points.shape[1] - 1)
+
+
+def _leaves_plane(points: NDArray[np.float64], tolerance: float) -> bool:
+    """Whether points surely lie in no plane to the tolerance, as those of arcs do: four of them say so of most curves.
+
+    Were they so near to one, ways between them would leave it by twice the tolerance at most, and the volume that three
+    of these span would be that much times the areas that two of them do.
+    """
+    a, b, c = points[8::8] - points[0]
+    lengths = [math.sqrt(way @ way) for way in (a, b, c)]
+    areas = lengths[0] * lengths[1] + lengths[1] * lengths[2] + lengths[2] * lengths[0]
+    return bool(abs(cross(a, b) @ c) > 2 * tolerance * areas)
 
 
 def _off_chord(points: NDArray[np.float64], tolerance: float) -> float:

@@ -78,7 +78,7 @@ class MeshSeen:
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
-        own = [part for c in found for part in _parts_of(c, self._picture.seen(c.points)[1] > self._picture.near)]
+        own = [part for c, ahead in zip(found, self._ahead(found), strict=True) for part in _parts_of(c, ahead)]
         if mesh.specks > 0:
             own = [chain for chain in own if chain.length > mesh.specks]
         if mesh.beside > 0:
@@ -90,6 +90,13 @@ class MeshSeen:
         self.lines = Sketch.concatenate([self._contours, self._seams]) if len(self._seams) else self._contours
         self.kinds = ("contour",) * len(self._contours) + ("intersection",) * len(self._seams)
 
+    def _ahead(self, chains: list[Chain]) -> list[Bool[Mask, " M"]]:
+        """Which points of chains lie in front of the near plane."""
+        if not chains:
+            return []
+        ahead = self._picture.seen(np.concatenate([c.points for c in chains]))[1] > self._picture.near
+        return np.split(ahead, np.cumsum([len(c.points) for c in chains])[:-1])
+
     def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
         # Closed chains come back to their first point.
         rows = [np.arange(len(c.points) + c.closed) % len(c.points) for c in chains]
@@ -98,22 +105,29 @@ class MeshSeen:
         self._own = np.concatenate(
             [np.zeros((0, 3), np.int64), *(c.own[row] for c, row in zip(chains, rows, strict=True))]
         )
-        on_crease = np.zeros(len(self._mesh.vertices), bool)
-        on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
-        cuts, convex = [], []
-        for chain, start, flags in zip(chains, first, _bends(chains, least_run(self._mesh)), strict=False):
-            cuts += [np.flatnonzero(flags[1:] != flags[:-1]) + 1 + start, _corners(chain, on_crease) + start]
-            convex.append(np.append(flags, True))
-        turns = np.concatenate([np.zeros(0, np.int64), *cuts])
-        fitted = fit_chains(self._points, first, turns, self._picture, tolerance, self._care.spacing)
-        self._fitted = fitted
-        self._convex = np.concatenate([np.zeros(0, bool), *convex])[fitted.start]
+        convex = np.ones(len(self._points), bool)
+        # What is no end of a chain.
+        inner = convex.copy()
+        inner[first[:-1]] = inner[first[1:] - 1] = False
+        convex[np.delete(np.arange(len(convex)), first[1:] - 1)] = _bends(chains, least_run(self._mesh))
+        bent = inner & (convex != np.roll(convex, 1))
+        turns = np.concatenate([np.flatnonzero(bent), self._corners(np.flatnonzero(inner))])
+        self._fitted = fitted = fit_chains(self._points, first, turns, self._picture, tolerance, self._care.spacing)
+        self._convex = convex[fitted.start]
         control = self._control()
         weights = control[..., 3]
         points = control[..., :3] / weights[..., None]
         counts = np.bincount(fitted.chain, minlength=len(chains))
         made = Chains.of(counts.tolist(), [c.closed for c in chains])
         self._contours = Sketch(points, weights / weights[:, :1], chains=made)
+
+    def _corners(self, inner: Int[Index, " I"]) -> Int[Index, " U"]:
+        """The points of contours that are corners at vertices on creases; what turns on a smooth part is noise."""
+        on_crease = np.zeros(len(self._mesh.vertices), bool)
+        on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
+        inner = inner[on_crease[self._own[inner]].all(1)]
+        before, here, after = (self._points[inner + step] for step in (-1, 0, 1))
+        return inner[has_corner(here - before, after - here)]
 
     def _control(self) -> Float[Tensor, "C 4 4"]:
         """Homogeneous control points of the contours; functions of the vertices where gradients are wanted."""
@@ -316,20 +330,13 @@ def least_run(mesh: TriangleMesh) -> int:
     return LEAST_RUN * (mesh.finer if isinstance(mesh, SmoothMesh) else 1)
 
 
-def _bends(chains: list[Chain], least: int) -> list[Bool[Mask, " S"]]:
-    """Over which steps of each chain the surface bends away from the line of sight, but for noise."""
+def _bends(chains: list[Chain], least: int) -> Bool[Mask, " S"]:
+    """Over which steps of all chains the surface bends away from the line of sight, but for noise."""
     count = [len(chain.convex) for chain in chains]
     number = np.repeat(np.arange(len(chains)), count)
     convex = np.concatenate([np.zeros(0, bool), *(chain.convex for chain in chains)])
     closed = np.array([chain.closed for chain in chains], bool)[number]
-    return np.split(evened(convex, np.ones(len(convex)), least, number, closed), np.cumsum(count)[:-1])
-
-
-def _corners(chain: Chain, on_crease: Bool[Mask, " V"]) -> Int[Index, " U"]:
-    """The corners of a chain at vertices on creases; what turns on a smooth part is noise."""
-    rows = np.arange(len(chain.points) + chain.closed) % len(chain.points)
-    steps = np.diff(chain.points[rows], axis=0)
-    return np.flatnonzero(has_corner(steps[:-1], steps[1:]) & on_crease[chain.own[rows[1:-1]]].all(1)) + 1
+    return evened(convex, np.ones(len(convex)), least, number, closed)
 
 
 def _parts_of(chain: Chain, kept: Bool[Mask, " M"]) -> list[Chain]:
