@@ -157,27 +157,38 @@ def fit_circle(points: Float[Array, "M 3"]) -> Circle | None:
     axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     if len(axes) < 3:
         return None
-    u, v, normal = axes
-    x, y, z = (points - middle) @ u, (points - middle) @ v, (points - middle) @ normal
-    # Kåsa's algebraic fit, then Gauss and Newton on the distances.
-    design = np.stack([x, y, np.ones_like(x)], 1)
-    a, b, c = np.linalg.lstsq(design, x**2 + y**2, rcond=None)[0]
-    cx, cy, square = a / 2, b / 2, c + (a**2 + b**2) / 4
-    if not 0 < square < 1e12:
+    x, y, z = flat = axes @ (points - middle).T
+    # Kåsa's algebraic fit, which along the principal axes is one quotient after the other.
+    square = x**2 + y**2
+    if not y @ y > 0:
         return None
-    radius = np.sqrt(square)
+    cx, cy = float(x @ square / (x @ x)) / 2, float(y @ square / (y @ y)) / 2
+    bound = float(square.mean()) + cx**2 + cy**2
+    if not 0 < bound < 1e12:
+        return None
+    radius = bound**0.5
+    # Then Gauss and Newton on the distances, each row of numbers less its mean: the best radius leaves none.
+    rows = np.empty((3, len(points)))
     for _ in range(CIRCLE_ROUNDS):
-        dx, dy = x - cx, y - cy
-        rho = np.hypot(dx, dy) + 1e-12
-        jacobian = np.stack([-dx / rho, -dy / rho, -np.ones_like(rho)], 1)
-        step = np.linalg.lstsq(jacobian, -(rho - radius), rcond=None)[0]
-        cx, cy, radius = cx + step[0], cy + step[1], radius + step[2]
-        if np.abs(step).max() < SETTLED * radius:
+        away = flat[:2] - [[cx], [cy]]
+        rho = rows[2] = np.hypot(*away) + 1e-12
+        np.divide(away, rho, rows[:2])
+        mean = rows.sum(1, keepdims=True) / len(points)
+        rows -= mean
+        (aa, ab, right_a), (_, bb, right_b), _ = (rows @ rows.T).tolist()
+        determinant = aa * bb - ab * ab
+        if not determinant > 0:
+            return None
+        step_x, step_y = (right_a * bb - right_b * ab) / determinant, (right_b * aa - right_a * ab) / determinant
+        (a,), (b,), (off,) = mean.tolist()
+        wider = off - a * step_x - b * step_y - radius
+        cx, cy, radius = cx + step_x, cy + step_y, radius + wider
+        if max(abs(step_x), abs(step_y), abs(wider)) < SETTLED * radius:
             break
-    if not (np.isfinite(radius) and radius > 0):
+    if not 0 < radius < np.inf:
         return None
     distances = np.hypot(np.hypot(x - cx, y - cy) - radius, z)
-    return Circle(middle + cx * u + cy * v, u, v, float(radius), distances)
+    return Circle(middle + cx * axes[0] + cy * axes[1], axes[0], axes[1], radius, distances)
 
 
 def arc_control(center: Array, u: Array, v: Array, start: float, stop: float) -> Float[Array, "4 3"]:
