@@ -20,6 +20,7 @@ from diff3ds.edges.complete.hypothesis import (
     COVERED,
     PATH_SPACING,
     PIECE_FRACTION,
+    PIECE_WITHIN,
     SHOWN,
     Hypothesis,
     fraction_shown,
@@ -213,6 +214,8 @@ def _corner(
     shown = Hypothesis.through(x).shown(views, SEEN)
     good, mean_views = fraction_shown(shown, min_views), shown.sum(0).mean(1)
     best = int(np.lexsort((mean_views, good))[-1])
+    if good[best] < COVERED:
+        return None
     # To where the lines end now: a line may go on too far, or too little.
     stems = [
         resampled(sides.place + np.array([[lengths[best]], [near]]) * way, PATH_SPACING * pixel)
@@ -220,7 +223,7 @@ def _corner(
     ]
     longer = [stem for stem, near in zip(stems, sides.near, strict=True) if near > lengths[best] + pixel]
     stems_shown = (fraction_shown(Hypothesis.through(stem).shown(views, SEEN), min_views) for stem in longer)
-    if good[best] < COVERED or any(fraction < COVERED for fraction in stems_shown):
+    if any(fraction < COVERED for fraction in stems_shown):
         return None
     path = np.concatenate([stems[0][::-1], resampled(x[best], PATH_SPACING * pixel), stems[1]])
     along = pieces_of(path, samples, pixel) & alone
@@ -275,7 +278,9 @@ def _off(lines: list[Array], views: EdgeViews, min_views: float) -> float:
 
 def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:
     """Whether a curve that stays runs along part of the arc."""
-    rest = [resampled(line, PATH_SPACING * pixel) for i, line in enumerate(samples) if i not in gone]
+    reach = PIECE_WITHIN * pixel
+    near = ((samples.min(1) < x.max(0) + reach) & (samples.max(1) > x.min(0) - reach)).all(1)
+    rest = [resampled(samples[i], PATH_SPACING * pixel) for i in np.nonzero(near)[0].tolist() if i not in gone]
     return bool(rest) and bool(pieces_of(np.concatenate(rest), x[None], pixel, fraction=1 - PIECE_FRACTION)[0])
 
 

@@ -197,20 +197,21 @@ def _bridge(
     pair = np.searchsorted(names, vertices)
     pixel = views.pixel
     start, stop = places[pair]
-    fraction = (np.arange(SAMPLES) + 0.5) / SAMPLES
     # Lines that lie along it.
-    line = _between(np.stack([start, stop])[None], fraction)
     along = _beside(drawing.ends.reshape(-1, 3), start, stop, pixel).reshape(-1, 2).all(1)
     pieces = tuple(drawing.lines[along].tolist())
-    inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
-    ends = curves.vertex.numpy()[list(pieces)].reshape(-1)
     # It may pass the loose ends of its own pieces, no other vertex.
-    if not np.isin(inner, ends).all() or (drawing.degree[np.isin(names, inner)] > 1).any():
+    loose = np.zeros(len(names), bool)
+    loose[np.searchsorted(names, curves.vertex.numpy()[list(pieces)])] = True
+    passed = _beside(places, start, stop, pixel) & ~(loose & (drawing.degree == 1))
+    passed[pair] = False
+    if passed.any():
         return None
     # A line with a gap: its own ridges run on.
     whole = len(pieces) > 1
     if not whole and not drawing.smooth.isdisjoint(vertices):
         return None
+    line = _between(np.stack([start, stop])[None], (np.arange(SAMPLES) + 0.5) / SAMPLES)
     open_ = drawing.tree.query(line.x[0])[0] > OPEN * pixel
     if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
         return None

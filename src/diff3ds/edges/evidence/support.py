@@ -139,13 +139,18 @@ def crowded(
     heading = headings(views, x, tangents, pixel)
     # Of each component all points lie in a row: there are millions of pairs.
     places, along = np.ascontiguousarray(x.T), np.ascontiguousarray(tangents.T)
+    apart = (APART * views.pixel) ** 2
 
     def beside_another(view: int) -> Bool[NDArray[np.bool_], " M"]:
         seen = (np.abs(pixel[view]) < 1e6).all(1)
         asked, others = (np.nonzero(seen & which)[0] for which in (True if at is None else at[view], by))
-        own, other = (cKDTree(pixel[view][rows]) for rows in (asked, others))
+        # Asked once, trees need not be tidy.
+        own, other = (cKDTree(pixel[view][rows], 32, False, balanced_tree=False) for rows in (asked, others))
         pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
         here, beside = asked.take(pairs["i"]), others.take(pairs["j"])
+        # Most are of one line, or of two that are one.
+        far = sum((axis.take(here) - axis.take(beside)) ** 2 for axis in places) > apart
+        here, beside = here[far], beside[far]
         u, v = np.ascontiguousarray(heading[view].T)
         same_way = np.abs(u.take(here) * v.take(beside) - v.take(here) * u.take(beside)) < SLANT
         here, beside = here[same_way], beside[same_way]
@@ -155,7 +160,7 @@ def crowded(
         # Across the line: a line seen from its end is no other line.
         on = sum(a * axis.take(first) for a, axis in zip(step, along, strict=True))
         found = np.zeros(len(x), bool)
-        found[here[sum(a * a for a in step) - on**2 > (APART * views.pixel) ** 2]] = True
+        found[here[sum(a * a for a in step) - on**2 > apart]] = True
         return found
 
     return np.stack(side_by_side(beside_another, len(views), len(views)))

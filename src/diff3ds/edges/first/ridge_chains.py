@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.directions import dot
 from diff3ds.curves.shapes.straight_lines import polyline_length, resampled, tangents_of
 from diff3ds.edges.first.triangulate import EdgePoints
 
@@ -35,13 +36,14 @@ def follow_chains(found: EdgePoints, pixel: float, shortest: float) -> list[Floa
     if not len(found):
         return []
     tree = cKDTree(found.points)
+    near = [np.asarray(places, np.int64) for places in tree.query_ball_point(found.points, REACH * pixel)]
     used = np.zeros(len(found), bool)
     chains = []
     for start in np.argsort(-found.scores, kind="stable"):
         if used[start]:
             continue
-        ahead = _followed(found, tree, used, int(start), 1.0, pixel, {int(start)})
-        back = _followed(found, tree, used, int(start), -1.0, pixel, {int(start), *ahead})
+        ahead = _followed(found, near, used, int(start), 1.0, pixel, [int(start)])
+        back = _followed(found, near, used, int(start), -1.0, pixel, [int(start), *ahead])
         chain = [*back[::-1], int(start), *ahead]
         used[start] = True
         line = found.points[chain]
@@ -54,37 +56,44 @@ def follow_chains(found: EdgePoints, pixel: float, shortest: float) -> list[Floa
 
 
 def _followed(
-    found: EdgePoints, tree: object, used: NDArray[np.bool_], start: int, sign: float, pixel: float, seen: set[int]
+    found: EdgePoints,
+    near: list[NDArray[np.int64]],
+    used: NDArray[np.bool_],
+    start: int,
+    sign: float,
+    pixel: float,
+    seen: list[int],
 ) -> list[int]:
-    """Indices of the points after `start` in one direction."""
+    """Indices of the points after `start` in one direction; `near` are those around each."""
     part: list[int] = []
-    taken = set(seen)
+    free = ~used
+    free[seen] = False
     at, heading = start, found.directions[start] * sign
     while True:
-        near = tree.query_ball_point(found.points[at], REACH * pixel)  # type: ignore[attr-defined]
-        candidates = np.array([j for j in near if j not in taken and not used[j]], int)
-        following = _next(found, at, heading, candidates, pixel)
+        following = _next(found, at, heading, near[at][free[near[at]]], pixel)
         if following is None:
             return part
         direction = found.directions[following]
         direction = direction * np.sign(direction @ heading)
         heading = (1 - TURN) * heading + TURN * direction
-        heading /= np.linalg.norm(heading)
+        heading /= np.sqrt(heading @ heading)
         at = following
-        taken.add(at)
+        free[at] = False
         part.append(at)
 
 
 def _next(found: EdgePoints, at: int, heading: Array, candidates: NDArray[np.int64], pixel: float) -> int | None:
-    step = (found.points[candidates] - found.points[at]) / pixel
-    length = np.linalg.norm(step, axis=1)
-    ahead = step @ heading
-    aside = np.sqrt(np.maximum(length**2 - ahead**2, 0))
-    good = (ahead > AHEAD * length) & (ahead > NEAREST) & (aside < APART + SIDEWAYS_SHARE * ahead)
-    good &= np.abs(found.directions[candidates] @ heading) > SAME_WAY
-    if not good.any():
+    if not len(candidates):
         return None
-    return int(candidates[good][np.argmin((ahead + SIDE_COST * aside)[good])])
+    step = (found.points[candidates] - found.points[at]) / pixel
+    square = dot(step, step)
+    ahead = step @ heading
+    aside = np.sqrt(np.maximum(square - ahead**2, 0))
+    good = (ahead > AHEAD * np.sqrt(square)) & (ahead > NEAREST) & (aside < APART + SIDEWAYS_SHARE * ahead)
+    good &= np.abs(found.directions[candidates] @ heading) > SAME_WAY
+    cost = np.where(good, ahead + SIDE_COST * aside, np.inf)
+    best = int(cost.argmin())
+    return int(candidates[best]) if good[best] else None
 
 
 def _beside(found: EdgePoints, tree: object, line: Array, pixel: float) -> NDArray[np.int64]:
