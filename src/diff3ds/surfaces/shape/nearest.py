@@ -57,23 +57,34 @@ class Nearest:
         Points that are farther away than the tolerance stay where they are, with -1.
         """
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
-        for query, line in self._edges.batches(points):
-            found, share = on_segments(points[query], self._lines[line])
-            self._take(points, query, found, self._of_line(line, share), moved, own)
-        rest = np.flatnonzero(own[:, 0] < 0)
-        if kernel := getattr(kernels(), "boxes_nearest", None):
-            given = torch.from_numpy(np.ascontiguousarray(points[rest], np.float64))
-            face, shares, found = kernel(*self._faces.tables, *self._tables, self.tolerance, given)
+        kernel = getattr(kernels(), "boxes_nearest", None)
+        if kernel:
+            line, shares, _ = kernel(*self._edges.tables, *self._line_tables, self.tolerance, _contiguous(points))
+            near = line >= 0
+            share = shares[near, 1:].sum(1)
+            start, stop = self._lines[line[near]].transpose(1, 0, 2)
+            moved[near], own[near] = start + share[:, None] * (stop - start), self._of_line(line[near], share)
+            rest = np.flatnonzero(~near)
+            face, shares, found = kernel(*self._faces.tables, *self._tables, self.tolerance, _contiguous(points[rest]))
             near = face >= 0
             moved[rest[near]] = found[near]
             own[rest[near]] = _of_triangle(self.mesh.faces[face[near]], shares[near])
             return moved, own
+        for query, line in self._edges.batches(points):
+            found, share = on_segments(points[query], self._lines[line])
+            self._take(points, query, found, self._of_line(line, share), moved, own)
+        rest = np.flatnonzero(own[:, 0] < 0)
         for row, box in self._faces.batches(points[rest]):
             query, face = rest[row], self._triangle[box]
             corners = self.mesh.vertices.take(self.mesh.faces.take(face, 0), 0)
             found, shares = closest_on_triangles(points.take(query, 0), corners)
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
+
+    @cached_property
+    def _line_tables(self) -> tuple[Tensor, Tensor]:
+        """As `_tables`, of lines: triangles whose last two corners are one."""
+        return torch.arange(len(self._lines)), torch.from_numpy(self._lines[:, [0, 1, 1]])
 
     @cached_property
     def _tables(self) -> tuple[Tensor, Tensor]:
@@ -104,6 +115,10 @@ class Nearest:
         near = near[np.argsort(-distance[near], kind="stable")]
         moved[query[near]] = found[near]
         own[query[near]] = vertices[near]
+
+
+def _contiguous(points: Float[Array, "Q 3"]) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(points, np.float64))
 
 
 def places_anywhere(mesh: TriangleMesh, points: Float[Array, "Q 3"]) -> tuple[Float[Array, "Q 3"], Int[Index, "Q 3"]]:
