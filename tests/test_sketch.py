@@ -364,7 +364,8 @@ def test_parts_hold_every_field(tmp_path):
     ds.save(tmp_path / "a.json", sketch)
     write_checkpoint(tmp_path / "a.safetensors", start(sketch, 0), {})
     member = pickle.loads(pickle.dumps(FolderMember(sketch, Name("chair", (), "chair"))))
-    kept = of_parts(*parts_of(sketch)), ds.load(tmp_path / "a.json"), member.sketch
+    copy = pickle.loads(pickle.dumps(sketch))
+    kept = of_parts(*parts_of(sketch)), ds.load(tmp_path / "a.json"), member.sketch, copy
     for other in (*kept, read_checkpoint(tmp_path / "a.safetensors").sketch):
         for name, value in given.items():
             got = getattr(other, name)

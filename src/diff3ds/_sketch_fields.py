@@ -28,7 +28,7 @@ def called(field: str, texts: Sequence[str] | None, count: int) -> tuple[str, ..
     """A text of each stroke, if they fit and there are any."""
     if texts is None:
         return None
-    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
+    if not isinstance(texts, list | tuple) or not all(issubclass(each, str) for each in {*map(type, texts)}):
         raise TypeError(f"{field} must be strings, one a stroke, or None, got {reprlib.repr(texts)}")
     if len(texts) != count:
         raise ValueError(f"{field} must be {count}, one a stroke, got {len(texts)}")

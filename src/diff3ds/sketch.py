@@ -56,10 +56,10 @@ class Sketch:
         fixed: strokes that are marked to stay as they are where others are drawn further; None where none is.
         names: of the strokes, such as the edges of a solid that they draw, "" where one has none; None where all do.
             What comes before the last "/" is the thing that a stroke is part of: "lamp/stroke 3", "engine/rod/edge 7".
-        kinds: what the strokes are, such as "crease", "border" or "contour" (an outline that is fitted, and another one
-            from each side), "" where that is not known; None where it is of none.
         importance: how much of what the sketch draws each stroke adds to those before it in that order, a share of it
             all, not negative; None where nobody has said. `ds.by_importance` finds it, `at_detail` cuts by it.
+        kinds: what the strokes are, such as "crease", "border" or "contour" (an outline that is fitted, and another one
+            from each side), "" where that is not known; None where it is of none.
 
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value, segments that do not meet at a joint, or
@@ -76,8 +76,8 @@ class Sketch:
     chains: Chains | None
     fixed: Bool[Tensor, " N"] | None
     names: tuple[str, ...] | None
-    kinds: tuple[str, ...] | None
     importance: Float[Tensor, " N"] | None
+    kinds: tuple[str, ...] | None
 
     def __init__(
         self,

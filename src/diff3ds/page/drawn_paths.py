@@ -1,7 +1,7 @@
 """A view of a sketch as paths of cubic Béziers in the order in which they are painted: what SVG and PDF files hold."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypedDict, Unpack
 
@@ -15,6 +15,7 @@ from diff3ds.page.screen_pieces import Pieces, on_page, screen_pieces
 from diff3ds.page.sheet.ink_boxes import Box, box_of
 from diff3ds.page.sheet.page_layout import widened
 from diff3ds.page.stroke_outlines import Path, Way, outlines
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.project import Strokes2D, project
 from diff3ds.sketch import Sketch
 
@@ -149,7 +150,7 @@ class Drawing(TypedDict, total=False):
     tolerance: float
 
 
-def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[Cameras, float], Iterator[Box | None]]:
+def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[Cameras, float], list[Box | None]]:
     """The boxes of what is drawn in each view, in pixels, as `lay_out` asks for them: widths of strokes included.
 
     Args:
@@ -157,9 +158,11 @@ def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[C
         how: as of `drawn_paths`.
     """
 
-    def boxes(cameras: Cameras, widen: float) -> Iterator[Box | None]:
-        for view, sketch in enumerate(sketches):
-            yield box_of_paths(drawn_paths(widened(sketch, widen), cameras, view, ordered=False, **how))
+    def boxes(cameras: Cameras, widen: float) -> list[Box | None]:
+        def box(view: int) -> Box | None:
+            return box_of_paths(drawn_paths(widened(sketches[view], widen), cameras, view, ordered=False, **how))
+
+        return in_copies(box, len(sketches), len(sketches))
 
     return boxes
 

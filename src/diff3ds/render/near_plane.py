@@ -27,7 +27,9 @@ def visible_spans(margin: Float[Tensor, "V M 4"]) -> Spans:
     # Cubic in t: positive coefficients mean positive all along, negative ones negative.
     clear = (margin > 0).all(-1)
     cut = ~clear & (margin > 0).any(-1)
-    parts = [_whole(view[clear], segment[clear]), _cut(view[cut], segment[cut], margin[cut])]
+    parts = [_whole(view[clear], segment[clear])]
+    if len(some := margin[cut]):
+        parts.append(_cut(view[cut], segment[cut], some))
     spans = Spans(*(torch.cat(column) for column in zip(*parts, strict=True)))
     order = (spans.view * segments + spans.segment).argsort(stable=True)
     return Spans(*(column[order] for column in spans))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.parts import cut_sketch
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.sketch import PLAIN, Sketch
 from diff3ds.surfaces.draw import lines_for_pixels
 from diff3ds.surfaces.hidden.visibility import FOR_MEASURES
@@ -93,10 +94,14 @@ def choose_strokes(
         contours=False,
         told=lambda done: report(len(cameras) + done, 2 * len(cameras)),
     )
-    for target, lines in zip(targets, tries, strict=True):
+
+    def compared(view: int) -> tuple[Bool[Mask, "N P"], Float[Array, " N"]]:
+        lines = tries[view]
         parts = lines.parts[lines.parts.visible]
         seen, owner = cut_sketch(candidates, parts.segment, parts.start, parts.stop)
-        shown, wrong = _compared(target, points_along(seen, lines.cameras, owner), len(candidates))
+        return _compared(targets[view], points_along(seen, lines.cameras, owner), len(candidates))
+
+    for shown, wrong in in_copies(compared, len(cameras), len(cameras)):
         shows.append(shown)
         false += wrong
     weights = np.concatenate([target.weight for target in targets])

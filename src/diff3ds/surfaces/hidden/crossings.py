@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.page.boxes import BoxIndex
+from diff3ds.page.boxes import BoxIndex, largest
 from diff3ds.page.chords import Chords, at
 from diff3ds.page.picture import Picture
 
@@ -22,10 +22,19 @@ class Outlines:
     Attributes:
         pixels: both ends.
         depths: of both ends.
+        index: of their boxes.
     """
 
     pixels: Float[Array, "O 2 2"]
     depths: Float[Array, "O 2"]
+    index: BoxIndex
+
+    @staticmethod
+    def of(pixels: Float[Array, "O 2 2"], depths: Float[Array, "O 2"]) -> "Outlines":
+        """By their ends."""
+        low, high = np.minimum(pixels[:, 0], pixels[:, 1]), np.maximum(pixels[:, 0], pixels[:, 1])
+        cell = max(STEP, float(np.median(largest(high - low)))) if len(pixels) else STEP
+        return Outlines(pixels, depths, BoxIndex.of(low, high, cell))
 
 
 def crossings(
@@ -38,9 +47,7 @@ def crossings(
             surface, both are at one place.
     """
     segment, start, stop, ends = _cut(chords, picture.size)
-    cell = max(STEP, float(np.median(np.ptp(outlines.pixels, axis=1).max(1)))) if len(outlines.pixels) else STEP
-    index = BoxIndex.of(outlines.pixels.min(1), outlines.pixels.max(1), cell)
-    row, line = index.meeting(ends.min(1), ends.max(1))
+    row, line = outlines.index.meeting(ends.min(1), ends.max(1))
     p, q = ends[row], outlines.pixels[line]
     u, v, w = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], q[:, 0] - p[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]

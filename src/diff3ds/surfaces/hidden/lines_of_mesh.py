@@ -159,7 +159,7 @@ class MeshSeen:
         share = np.clip((near - depths) / np.where(way == 0, 1.0, way), 0, 1) * (depths < near)
         points = self._mesh.vertices[ends]
         pixels, depths = self._picture.seen(points + share[..., None] * (points[:, ::-1] - points))
-        return Outlines(pixels, np.maximum(depths, near))
+        return Outlines.of(pixels, np.maximum(depths, near))
 
     def line_parts(self) -> Parts:
         """Which parts of the lines are seen."""

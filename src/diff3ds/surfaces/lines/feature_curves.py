@@ -132,10 +132,10 @@ def _loose(mesh: TriangleMesh, runs: list[Run]) -> int:
 
 
 # A run of vertices and the strokes that draw it.
-_Piece = tuple[list[int], list[Primitive]]
+Piece = tuple[list[int], list[Primitive]]
 
 
-def few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[_Piece]:
+def few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[Piece]:
     """A chain in as few curves as can be from its start: each goes as far as it fits."""
     while len(chain) > 1:
         count, strokes = _longest(vertices[chain], pixel)
@@ -177,7 +177,7 @@ def _fit(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
     return found
 
 
-def curves_of(vertices: Float[Array, "V 3"], pieces: list[_Piece]) -> Curves:
+def curves_of(vertices: Float[Array, "V 3"], pieces: list[Piece]) -> Curves:
     """All curves; those that are not closed meet in the vertices of the mesh."""
     if not pieces:
         none = torch.zeros(0, 2, dtype=torch.int64)

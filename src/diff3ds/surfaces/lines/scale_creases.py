@@ -8,8 +8,9 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.surfaces.lines.edge_runs import edge_runs
-from diff3ds.surfaces.lines.feature_curves import curves_of, few_pieces
+from diff3ds.surfaces.lines.feature_curves import Piece, curves_of, few_pieces
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
@@ -57,14 +58,16 @@ def scale_creases(mesh: TriangleMesh, where: Bool[Mask, " F"] | None = None) -> 
     lines = _apart(lines, APART * band)
     places = np.concatenate([np.zeros((0, 3)), *(line.points for line in lines)])
     starts = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
-    pieces, kinds = [], []
-    for start, line in zip(starts, lines, strict=False):
-        run = list(range(start, start + len(line.points)))
-        if line.closed:
-            run[-1] = start
-        for piece, strokes in few_pieces(places, run, FIT * mesh.size):
-            pieces.append((piece, strokes))
-            kinds += [line.kind] * len(strokes)
+
+    def fitted(row: int) -> list[Piece]:
+        run = list(range(starts[row], starts[row + 1]))
+        if lines[row].closed:
+            run[-1] = run[0]
+        return list(few_pieces(places, run, FIT * mesh.size))
+
+    found = in_copies(fitted, len(lines), len(lines))
+    pieces = [piece for some in found for piece in some]
+    kinds = [line.kind for line, some in zip(lines, found, strict=True) for _, strokes in some for _ in strokes]
     return curves_of(places, pieces), tuple(kinds)
 
 

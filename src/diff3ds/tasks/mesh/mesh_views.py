@@ -132,10 +132,14 @@ class MeshViews:
 
         def seen(strokes: Sketch, cameras: Cameras, hatch: Hatch | None) -> list[Sketch]:
             views = lines_for_pixels(strokes, cameras, shown, contours=options.contours, hatch=hatch, told=told)
-            drawn = [self._drawn(lines) for lines in views]
-            if len(shown) == len(self.mesh):
-                return drawn
-            return [without_specks(each, 3 * self.mesh.size / FINE_CELLS) for each in drawn]
+
+            def drawn(view: int) -> Sketch:
+                all_of_it = self._drawn(views[view])
+                if len(shown) == len(self.mesh):
+                    return all_of_it
+                return without_specks(all_of_it, 3 * self.mesh.size / FINE_CELLS)
+
+            return in_copies(drawn, len(views), len(views))
 
         strokes = seen(self.features, cameras, None)
         cameras, widen = filled(cameras, options.page.fit or "page", ink_boxes(strokes))
