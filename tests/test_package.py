@@ -75,7 +75,7 @@ ALLOWED = {
     "detectors": HELPERS,
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "viewer": set(),
-    "page": {"curves", "render", "project"} | SCENE,
+    "page": {"curves", "parallel", "render", "project"} | SCENE,
     "formats": {"curves", "page", "render", "project", "svg", "viewer"} | SCENE,
     "with_surface": {"formats", "render", "surfaces"} | SCENE,
     "notebook": {"formats", "render", "surfaces", "viewer"} | SCENE,

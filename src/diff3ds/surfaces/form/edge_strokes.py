@@ -69,7 +69,7 @@ def drawn_runs(
         numbers = [run.vertices[0], *range(count, count + len(line) - 2), run.vertices[-1]]
         places.append(line[1:-1])
         count += len(line) - 2
-        for piece, strokes in few_pieces(line, list(range(len(line))), tolerance):
+        for piece, strokes in few_pieces(line, [list(range(len(line)))], tolerance)[0]:
             out.append(Run([numbers[k] for k in (piece[0], piece[-1])], strokes, run.edges, line, run.closed))
     return out, np.concatenate(places)
 

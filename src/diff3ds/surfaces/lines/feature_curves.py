@@ -1,6 +1,6 @@
 """Feature curves of a triangle mesh: creases, borders and seams as lines, arcs of circles and ellipses, fair cubics."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -13,6 +13,7 @@ from diff3ds.curves.directions import all_around
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive
 from diff3ds.curves.shapes.simplest import simplest
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.surfaces.lines.edge_runs import Run, edge_runs, seam_runs
 from diff3ds.surfaces.shape.intersections import Seams
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -23,6 +24,8 @@ PIXEL = 1 / 256
 DIRECTIONS = 32
 # Three points are always on a circle, four on a cubic, and five of a plane on a conic.
 LEAST_ARC, LEAST_CUBIC, LEAST_ELLIPSE = 4, 5, 6
+# To fit so many chains takes longer than to make a copy of the process. Empirical; speed only.
+WORTH_COPY = 16
 
 
 Feature = Literal["crease", "border", "intersection"]
@@ -69,7 +72,8 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     places = np.concatenate([mesh.vertices, seam.points])
     named: list[tuple[list[int], Feature]] = [(chain, "border" if border else "crease") for chain, border in chains]
     named += [([len(mesh.vertices) + i for i in cut], "intersection") for cut in cuts]
-    found = [(piece, kind) for chain, kind in named for piece in few_pieces(places, chain, pixel)]
+    fitted = few_pieces(places, [chain for chain, _ in named], pixel)
+    found = [(piece, kind) for (_, kind), pieces in zip(named, fitted, strict=True) for piece in pieces]
     curves = curves_of(places, [piece for piece, _ in found])
     kinds = tuple(kind for (_, strokes), kind in found for _ in strokes)
     return FeatureCurves(curves, kinds, len(chains), _loose(mesh, chains))
@@ -135,8 +139,13 @@ def _loose(mesh: TriangleMesh, runs: list[Run]) -> int:
 Piece = tuple[list[int], list[Primitive]]
 
 
-def few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[Piece]:
-    """A chain in as few curves as can be from its start: each goes as far as it fits."""
+def few_pieces(vertices: Float[Array, "V 3"], chains: Sequence[list[int]], pixel: float) -> list[list[Piece]]:
+    """Each chain in as few curves as can be from its start: each goes as far as it fits."""
+    copies = max(1, len(chains) // WORTH_COPY)
+    return in_copies(lambda row: list(_few_pieces(vertices, chains[row], pixel)), len(chains), copies)
+
+
+def _few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[Piece]:
     while len(chain) > 1:
         count, strokes = _longest(vertices[chain], pixel)
         yield chain[:count], strokes

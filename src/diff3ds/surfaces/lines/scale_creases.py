@@ -1,6 +1,7 @@
 """Creases at a scale: ridges and valleys of a surface by how much it turns across a band, not between two faces."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
@@ -8,9 +9,8 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.parallel.in_copies import in_copies
 from diff3ds.surfaces.lines.edge_runs import edge_runs
-from diff3ds.surfaces.lines.feature_curves import Piece, curves_of, few_pieces
+from diff3ds.surfaces.lines.feature_curves import curves_of, few_pieces
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
@@ -58,14 +58,11 @@ def scale_creases(mesh: TriangleMesh, where: Bool[Mask, " F"] | None = None) -> 
     lines = _apart(lines, APART * band)
     places = np.concatenate([np.zeros((0, 3)), *(line.points for line in lines)])
     starts = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
-
-    def fitted(row: int) -> list[Piece]:
-        run = list(range(starts[row], starts[row + 1]))
-        if lines[row].closed:
+    runs = [list(range(*stops)) for stops in pairwise(starts)]
+    for run, line in zip(runs, lines, strict=True):
+        if line.closed:
             run[-1] = run[0]
-        return list(few_pieces(places, run, FIT * mesh.size))
-
-    found = in_copies(fitted, len(lines), len(lines))
+    found = few_pieces(places, runs, FIT * mesh.size)
     pieces = [piece for some in found for piece in some]
     kinds = [line.kind for line, some in zip(lines, found, strict=True) for _, strokes in some for _ in strokes]
     return curves_of(places, pieces), tuple(kinds)
