@@ -130,7 +130,7 @@ def fit_points(points: Float[Array, "M D"]) -> tuple[Float[Array, "4 D"], Float[
     moved, even, pull = points - points[0], np.linspace(0, 1, 4)[:, None] * (points[-1] - points[0]), EVEN * len(points)
     length = _along_points(points)
     t = length / (length[-1] if length[-1] > 0 else 1.0)
-    # As for rows, of which one alone takes a third of the time so.
+    # As for rows, of which one alone takes half of the time so.
     for left in range(ROUNDS, -1, -1):
         basis = bernstein(t, 3)
         control = np.linalg.solve(basis.T @ basis + pull * np.eye(4), basis.T @ moved + pull * even)

@@ -52,7 +52,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     each = [np.nonzero(owner == i)[0] for i in range(len(curves))]
     found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
-    clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown)
+    clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown & found[owner])
     for i in np.nonzero(found)[0].tolist():
         found[i] = _wanders(clear[:, each[i]], normals[:, each[i]], offsets[:, each[i]], doubt)
     length = np.array([polyline_length(x[i]) for i in each]) / views.pixel

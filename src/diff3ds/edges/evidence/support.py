@@ -47,9 +47,11 @@ def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
 def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
     """As `part_support`, without the views where another line runs so close that neither can be measured."""
     x, tangents = samples(curves)
-    shown = inliers(views, x, tangents)
-    clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown))
-    shown = _by_parts(shown)
+    found = inliers(views, x, tangents)
+    shown = _by_parts(found)
+    # Of parts that a view does not show nothing is asked.
+    found &= shown.reshape(len(found), -1).repeat(SAMPLES, 1)
+    clear = _by_parts(found & ~crowded(views, x, tangents, at=found))
     return torch.from_numpy(np.where(clear.sum(0) >= CLEAR * shown.sum(0), clear, shown))
 
 

@@ -43,12 +43,14 @@ def fit_to_ridges(curves: Curves, views: EdgeViews, outward: float, tick: Tick =
         return curves
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
-    clear = ~crowded(views, x, tangents)
-    free = undisturbed(views, x, tangents, shown, clear)
+    owner = owners(curves)
+    # Lines are asked about where they are shown, what is round wherever it may move to.
+    bent, whole = (np.isin(curves.kind.numpy(), kinds)[owner] for kinds in ((Kind.ARC, Kind.CIRCLE), (Kind.CIRCLE,)))
+    clear = ~crowded(views, x, tangents, at=shown | bent)
+    free = undisturbed(views, x, tangents, shown, clear, np.broadcast_to(whole, shown.shape))
     old = curves.constrained(curves.points)[0].double().numpy()
     points, sure = old.copy(), np.zeros(len(curves), bool)
     rims = other_ends(curves.circles, views.pixel)
-    owner = owners(curves)
 
     def fit_of(i: int) -> Float[Array, "4 3"] | None:
         kind, on = int(curves.kind[i]), owner == i
@@ -82,14 +84,16 @@ def undisturbed(
     tangents: Float[Array, "M 3"],
     shown: Bool[NDArray[np.bool_], "V M"],
     clear: Bool[NDArray[np.bool_], "V M"],
+    at: Bool[NDArray[np.bool_], "V M"],
 ) -> Bool[NDArray[np.bool_], "V M"]:
     """Where no other line pulls the ridges even a little; `clear` where this would leave few views.
 
     Args:
         shown: which views show which of the sample points.
         clear: where no other line is so near that it pulls them much.
+        at: which points are asked about in which views.
     """
-    free = ~crowded(views, x, tangents, within=PULLED)
+    free = ~crowded(views, x, tangents, at=at, within=PULLED)
     keep = (shown & free).sum(0) >= ENOUGH * (shown & clear).sum(0)
     return np.asarray(np.where(keep, free, clear))
 
