@@ -47,14 +47,19 @@ class MeshView:
                 touch such faces do not; of a `SmoothMesh`, rings of its patches around that of the point.
         """
         seen = self.picture.seen(points)
-        if not (rings and self.mesh.surfaces) and (kernel := getattr(kernels(), "boxes_hidden", None)):
-            return self._hidden_by(kernel, *seen, own, rings)
-        hidden = np.zeros(len(points), bool)
-        for pairs in self._index.batches(seen[0]):
-            query, _, face = self._crossed(*seen, *pairs)
+        hidden, unsure = np.zeros(len(points), bool), np.arange(len(points))
+        if kernel := getattr(kernels(), "boxes_hidden", None):
+            hidden = self._hidden_by(kernel, *seen, own, rings)
+            if not (rings and self.mesh.surfaces):
+                return hidden
+            # Faces of another surface may hide a point however near they are, for which the kernel has no eye.
+            unsure = np.flatnonzero(~hidden & self._hidden_by(kernel, *seen, None, 0))
+        pixels, depths = (of[unsure] for of in seen)
+        for pairs in self._index.batches(pixels):
+            query, _, face = self._crossed(pixels, depths, *pairs)
             if own is not None and len(query):
-                query = query[~self._own(own[query], face, rings)]
-            hidden[query] = True
+                query = query[~self._own(own[unsure[query]], face, rings)]
+            hidden[unsure[query]] = True
         return hidden
 
     def hides(self, points: Float[Array, "Q 3"], face: Int[Index, " Q"]) -> Bool[Mask, " Q"]:
