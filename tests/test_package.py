@@ -357,7 +357,7 @@ def test_constraints_leave_to_torch_what_it_brings():
 
 
 def test_what_lands_has_passed_all_tests():
-    """`.ci/run` ends with the README's command, the slow tests, and the quick ones with annotations checked."""
+    """It ends with the README's command, the slow tests, and first cases of quick ones with annotations checked."""
     *_, quick, slow, checked = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
     assert f"&& {quick}\n" in (ROOT / "README.md").read_text(encoding="utf-8")
     assert slow == f"{quick} -m slow"
