@@ -60,6 +60,8 @@ class Nearest:
         kernel = getattr(kernels(), "boxes_nearest", None)
         if kernel:
             line, shares, _ = kernel(*self._edges.tables, *self._line_tables, self.tolerance, _contiguous(points))
+            # Of C's long long, which numpy tells from its own integers.
+            line = line.view(np.int64)
             near = line >= 0
             share = shares[near, 1:].sum(1)
             start, stop = self._lines[line[near]].transpose(1, 0, 2)
