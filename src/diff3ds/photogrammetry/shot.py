@@ -88,7 +88,7 @@ def pinhole(where: str, fx: float, fy: float, cx: float, cy: float, skew: float 
     return torch.tensor([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
 
 
-def finite_points(found: Float[Tensor, "P 3"] | Sequence[Sequence[float]]) -> Float[Tensor, "P 3"]:
+def finite_points(found: Float[Tensor, "N 3"] | Sequence[Sequence[float]]) -> Float[Tensor, "P 3"]:
     """Those of some places that are finite, float64: one that is damaged must not make the bounds of all infinite.
 
     Args:
