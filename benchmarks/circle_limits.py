@@ -91,7 +91,7 @@ def outcomes(out: Path, name: str, flat: bool) -> list[Outcome]:
     units = np.concatenate([t / (np.linalg.norm(t, axis=1, keepdims=True) + 1e-12) for t in tangents])
     x = np.concatenate(drawn)
     clear = ~crowded(views, x, units)
-    free = undisturbed(views, x, units, inliers(views, x, units), clear)
+    free = undisturbed(views, x, units, inliers(views, x, units), clear, np.ones_like(clear))
     found = []
     for k, curve in enumerate(truth):
         if curve["type"] != "circle" or curve["angle"] < LEAST_ANGLE - 1e-3 or curve["radius"] <= LEAST_RADIUS:
