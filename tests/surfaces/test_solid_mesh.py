@@ -3,11 +3,15 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from needs import needs
 
 import diff3ds as ds
+from diff3ds.page.picture import Picture
+from diff3ds.surfaces.hidden.mesh_view import MeshView
+from diff3ds.surfaces.shape.nearest import Nearest
 
 pytestmark = needs("OCP")
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
@@ -46,6 +50,23 @@ def test_twelve_views_of_an_assembly_are_as_occt_draws_them(assembly):
     assert _share(rows, "drawn") > 0.999
     assert _share(rows, "true") > 0.999
     assert min(min(row["drawn"], row["true"]) for row in rows) > 0.99
+
+
+@pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")
+def test_what_the_kernel_knows_beforehand_is_what_numpy_says(assembly, monkeypatch):
+    mesh = assembly[2].mesh
+    rng = np.random.default_rng(3)
+    picture = Picture.of(ds.orbit(35.0, 20.0, 2 * mesh.size, size=300).to(torch.float64), 0)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh), size=3000)]]
+    # Many at corners and on edges of faces, where surfaces meet.
+    points = (corners * rng.dirichlet([0.1] * 3, 3000)[..., None]).sum(1)
+    moved, own = Nearest.of(mesh, mesh.near).places(points)
+    view = MeshView(mesh, picture)
+    found = [view.in_front(moved, own, rings) for rings in (1, 2)]
+    monkeypatch.setattr("diff3ds.surfaces.hidden.mesh_view.kernels", lambda: None)
+    for rings, hidden in zip((1, 2), found, strict=True):
+        assert (hidden == view.in_front(moved, own, rings)).all()
+        assert 0.1 < hidden.mean() < 0.9
 
 
 def test_parts_have_their_names_and_places(assembly):
