@@ -10,6 +10,7 @@ from diff3ds.surfaces.form.exact_meets import exact_paths, onto
 from diff3ds.surfaces.form.form_curves import form_curves
 from diff3ds.surfaces.form.form_kinds import FREE, Form, FormKind, fits_of_patches, form
 from diff3ds.surfaces.form.samples import Samples
+from diff3ds.surfaces.form.search import _Search
 
 AXIS = np.array([0.2, -0.5, 0.8])
 EVERY = [
@@ -57,6 +58,38 @@ def test_patches_and_fits_find_the_form_again(one):
     assert np.abs(again.distance(x)).max() < 0.003
     if one.kind != FormKind.CONE:
         assert np.isclose(again.radius, one.radius, atol=0.01)
+
+
+@pytest.mark.parametrize("one", EVERY, ids=lambda one: one.kind.name)
+def test_compiled_measures_and_fits_are_those_of_numpy(one, monkeypatch):
+    pytest.importorskip("diff3ds._kernels")
+    x, ways = patch(one, 300) + 0.01 * np.random.default_rng(2).normal(size=(300, 3)), np.tile(AXIS, (300, 1))
+    x[:5] += 0.5  # outliers
+    numbers = np.stack([one._numbers(), one._numbers() + 0.01])
+    two = form(one.kind, numbers[:, :3], numbers[:, 3:6], *numbers[:, 6:].T)
+    held = frozenset(FREE[one.kind][-1:])
+    compiled = one.measured(x, ways), two.measured(x, ways), two[1].fitted(x, 0.02), two[1].fitted(x, 0.02, held)
+    monkeypatch.setattr("diff3ds.surfaces.form.form_kinds.kernels", lambda: None)
+    numpy = one.measured(x, ways), two.measured(x, ways), two[1].fitted(x, 0.02), two[1].fitted(x, 0.02, held)
+    for some, others in zip(compiled[:2], numpy[:2], strict=True):
+        assert np.allclose(some, others, rtol=0, atol=1e-9)
+        assert some[0].shape == others[0].shape
+    for fitted, other in zip(compiled[2:], numpy[2:], strict=True):
+        assert np.allclose(fitted._numbers(), other._numbers(), rtol=0, atol=1e-9)
+    assert not np.allclose(compiled[2]._numbers(), two[1]._numbers(), atol=1e-3)
+
+
+def test_the_compiled_largest_piece_is_that_of_scipy(monkeypatch):
+    pytest.importorskip("diff3ds._kernels")
+    rng = np.random.default_rng(0)
+    search = _Search(Samples.of_points(block_with_hole(2000, 0.0, 0)), rng)
+    some = [np.sort(rng.choice(2000, count, replace=False)) for count in (0, 1, 2, 60, 600, 1900)]
+    compiled = [search._largest(rows) for rows in some]
+    monkeypatch.setattr("diff3ds.surfaces.form.search.kernels", lambda: None)
+    for rows, found in zip(some, compiled, strict=True):
+        assert np.array_equal(found, search._largest(rows))
+    assert 1 < len(compiled[3]) < 60
+    assert 300 < len(compiled[4]) < 600
 
 
 def test_meets_are_exact_conics_on_both_forms():

@@ -10,11 +10,10 @@ from functools import cached_property, reduce
 from itertools import pairwise
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Index, Int, Mask, Tensor
-from diff3ds.render.backends import kernels
+from diff3ds.render.backends import for_kernels, kernels
 
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.
@@ -106,7 +105,7 @@ class BoxIndex:
     ) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
         """The pairs of `meeting` for run after run of given boxes."""
         if meeting := getattr(kernels(), "boxes_meeting", None):
-            ends = [torch.from_numpy(np.ascontiguousarray(x, np.float64)) for x in (low, high)]
+            ends = for_kernels(low, high)
             done = 0
             while done < len(low):
                 query, box, done = meeting(*self.tables, *ends, done, MOST_PAIRS)
@@ -134,8 +133,8 @@ class BoxIndex:
     @cached_property
     def tables(self) -> tuple[tuple[Tensor, ...], float, int]:
         """The index for the compiled kernels."""
-        given = self.origin, self.levels, self.keys, self.boxes, self.low, self.high
-        return tuple(torch.from_numpy(np.ascontiguousarray(x)) for x in given), self.cell, BITS
+        given = for_kernels(self.origin, self.levels, self.keys, self.boxes, self.low, self.high)
+        return tuple(given), self.cell, BITS
 
     def _cells(
         self, level: np.int64, low: Float[Array, "Q D"], high: Float[Array, "Q D"]

@@ -9,9 +9,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from threading import Lock
 from types import ModuleType
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
+from torch import Tensor
 
 from diff3ds._checks import users_level
 from diff3ds.render.cuda.versions import advice_on_bindings
@@ -36,6 +39,11 @@ def kernels() -> ModuleType | None:
         return importlib.import_module("diff3ds._kernels")
     except ModuleNotFoundError:
         return None
+
+
+def for_kernels(*arrays: NDArray[Any]) -> list[Tensor]:
+    """Arrays as the compiled kernels take them: as tensors, of the same memory if they can be; floats are doubles."""
+    return [torch.from_numpy(np.ascontiguousarray(x, np.float64 if x.dtype.kind == "f" else None)) for x in arrays]
 
 
 def set_num_threads(count: int | None) -> None:

@@ -60,6 +60,10 @@ def drawn_runs(
         runs.append(Run([first, last], [], [tangent.edge], tangent.line, tangent.closed))
         places.append(tangent.line[[0] if tangent.closed else [0, -1]])
         count = last + 1
+    lines = [run.line for run in runs if not run.strokes]
+    stops = np.cumsum([0, *map(len, lines)]).tolist()
+    chains = [list(range(*ends)) for ends in pairwise(stops)]
+    fitted = zip(chains, few_pieces(np.concatenate([points[:0], *lines]), chains, tolerance), strict=True)
     for run in runs:
         if run.strokes:
             out.append(run)
@@ -69,8 +73,10 @@ def drawn_runs(
         numbers = [run.vertices[0], *range(count, count + len(line) - 2), run.vertices[-1]]
         places.append(line[1:-1])
         count += len(line) - 2
-        for piece, strokes in few_pieces(line, [list(range(len(line)))], tolerance)[0]:
-            out.append(Run([numbers[k] for k in (piece[0], piece[-1])], strokes, run.edges, line, run.closed))
+        chain, pieces = next(fitted)
+        for piece, strokes in pieces:
+            ends = [numbers[k - chain[0]] for k in (piece[0], piece[-1])]
+            out.append(Run(ends, strokes, run.edges, line, run.closed))
     return out, np.concatenate(places)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.surfaces.form.exact_meets import FREE_STEPS, STEPS, Path, Surface, exact_paths, marched, onto
 from diff3ds.surfaces.form.free import NONE, FreeForm
 from diff3ds.surfaces.form.samples import Samples
@@ -31,6 +32,8 @@ LOOSE = 2.5
 SCRAP = 6.0
 # Forms touch that come so near to each other, in longest sides: those that are tangent are so but for rounding.
 TOUCHING = 1e-6
+# Pairs of forms for which a copy of the process is worth its start. Empirical.
+WORTH_COPY = 8
 # Points of a path that are looked at for a corner, to each side.
 LOOKED = 24
 
@@ -92,12 +95,16 @@ def edges_between(samples: Samples, forms: Sequence[Surface], label: Int[Index, 
     Args:
         label: of the samples, carried on over what lies between forms.
     """
-    places = _touching(samples, label)
-    edges = []
-    for pair, (middles, apart) in places.items():
-        edges += list(_along(samples, pair, forms, middles, max(apart, samples.spacing)))
+    places = list(_touching(samples, label).items())
     near = _Near(samples, label)
-    return [_cornered(samples, edge, forms, near) for edge in edges]
+
+    def of_pair(row: int) -> list[Edge]:
+        pair, (middles, apart) = places[row]
+        edges = _along(samples, pair, forms, middles, max(apart, samples.spacing))
+        return [_cornered(samples, edge, forms, near) for edge in edges]
+
+    found = in_copies(of_pair, len(places), max(1, len(places) // WORTH_COPY))
+    return [edge for edges in found for edge in edges]
 
 
 def without_scraps(samples: Samples, edges: list[Edge], vertex: Int[Index, "E 2"]) -> list[int]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
+from diff3ds.render.backends import for_kernels, kernels
 
 # [units; numerical] Where something is divided by a distance from an axis it is at least so long.
 TINY = 1e-12
@@ -72,6 +73,11 @@ class Form:
 
     def measured(self, points: Float[Array, "S 3"], normals: Float[Array, "S 3"]) -> tuple[Array, Array]:
         """Signed distances (*b, S) of points, positive away from the axis or above a plane, and cosines to normals."""
+        if kernel := getattr(kernels(), "forms_measured", None):
+            numbers = self._numbers()
+            both = kernel(int(self.kind), *for_kernels(numbers.reshape(-1, 9), points, normals))
+            distance, cosine = (one.reshape(*numbers.shape[:-1], len(points)) for one in both)
+            return distance, cosine
         center, axis = self.center, self.axis
         # As products of matrices, since there may be many forms: the vectors from their centres are never made.
         h = axis @ points.T - (center * axis).sum(-1)[..., None]
@@ -135,6 +141,9 @@ class Form:
         form = self.recentred(points)
         free = [k for k in FREE[form.kind] if k not in held]
         size = float(np.ptp(points, axis=0).max())
+        if kernel := getattr(kernels(), "form_fitted", None):
+            numbers = kernel(int(self.kind), *for_kernels(form._numbers(), points), scale, free, size, settled)
+            return Form(self.kind, numbers[:3], numbers[3:6], *numbers[6:]).recentred(points)
         for _ in range(STEPS):
             distance, jacobian, basis = form._linearised(points)
             weight = np.maximum(1 - (distance / (OUTLIER * scale)) ** 2, 0)
@@ -151,6 +160,11 @@ class Form:
             if np.abs(step).max() < settled * size:
                 break
         return form.recentred(points)
+
+    def _numbers(self) -> Float[Array, "*b 9"]:
+        """Centre, axis, radius, angle and ring, for the compiled kernels."""
+        numbers = (np.asarray(value, float)[..., None] for value in (self.radius, self.angle, self.ring))
+        return np.concatenate([self.center, self.axis, *numbers], -1)
 
     def recentred(self, points: Float[Array, "S 3"]) -> "Form":
         """The same form with a centre that lies beside the points."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.render.backends import for_kernels, kernels
 from diff3ds.surfaces.form.form_kinds import Form, FormKind, fits_of_patches
 from diff3ds.surfaces.form.samples import Samples
 
@@ -141,6 +142,11 @@ class _Search:
 
     def _largest(self, rows: Index) -> Index:
         """The largest connected piece of some samples."""
+        if kernel := getattr(kernels(), "largest_piece", None):
+            graph = self.samples.graph
+            # Of C's long long, which numpy tells from its own integers.
+            found: Index = kernel(*for_kernels(graph.indptr, graph.indices, rows)).view(np.int64)
+            return found
         from scipy.sparse.csgraph import connected_components
 
         if not len(rows):

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
-from diff3ds.render.backends import kernels
+from diff3ds.render.backends import for_kernels, kernels
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -79,8 +78,7 @@ class MeshView:
         if rings and isinstance(mesh, SmoothMesh):
             own = None if own is None else mesh.coarse.faces[mesh.patch_at[own[:, 0]]]
             mesh = mesh.coarse
-        points = pixels, depths, *(() if own is None else (own,))
-        given = [torch.from_numpy(np.ascontiguousarray(x)) for x in points]
+        given = for_kernels(pixels, depths, *(() if own is None else (own,)))
         how = SEAM, self.mesh.touching, self.picture.orthographic, rings
         none = () if len(given) == 3 else (None,)
         return kernel(*self._index.tables, (*self._tables(mesh), len(mesh.vertices)), *how, *given, *none)
@@ -91,7 +89,7 @@ class MeshView:
             fine = self.mesh
             face = fine.patch[self._face] if isinstance(fine, SmoothMesh) and mesh is fine.coarse else self._face
             arrays = self._triangle, self._corners, self._depths, mesh.faces[face], mesh.edge_keys
-            self._kept[mesh] = [torch.from_numpy(np.ascontiguousarray(x)) for x in arrays]
+            self._kept[mesh] = for_kernels(*arrays)
         return self._kept[mesh]
 
     def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:

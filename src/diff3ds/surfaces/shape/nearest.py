@@ -4,11 +4,10 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-import torch
 
 from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.page.boxes import MOST_BOXES, all_of, slices
-from diff3ds.render.backends import kernels
+from diff3ds.render.backends import for_kernels, kernels
 from diff3ds.surfaces.shape.intersections import Seams
 from diff3ds.surfaces.shape.on_lines import index_of, on_segments
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -59,7 +58,7 @@ class Nearest:
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
         kernel = getattr(kernels(), "boxes_nearest", None)
         if kernel:
-            line, shares, _ = kernel(*self._edges.tables, *self._line_tables, self.tolerance, _contiguous(points))
+            line, shares, _ = kernel(*self._edges.tables, *self._line_tables, self.tolerance, *for_kernels(points))
             # Of C's long long, which numpy tells from its own integers.
             line = line.view(np.int64)
             near = line >= 0
@@ -67,7 +66,7 @@ class Nearest:
             start, stop = self._lines[line[near]].transpose(1, 0, 2)
             moved[near], own[near] = start + share[:, None] * (stop - start), self._of_line(line[near], share)
             rest = np.flatnonzero(~near)
-            face, shares, found = kernel(*self._faces.tables, *self._tables, self.tolerance, _contiguous(points[rest]))
+            face, shares, found = kernel(*self._faces.tables, *self._tables, self.tolerance, *for_kernels(points[rest]))
             near = face >= 0
             moved[rest[near]] = found[near]
             own[rest[near]] = _of_triangle(self.mesh.faces[face[near]], shares[near])
@@ -84,14 +83,14 @@ class Nearest:
         return moved, own
 
     @cached_property
-    def _line_tables(self) -> tuple[Tensor, Tensor]:
+    def _line_tables(self) -> tuple[Tensor, ...]:
         """As `_tables`, of lines: triangles whose last two corners are one."""
-        return torch.arange(len(self._lines)), torch.from_numpy(self._lines[:, [0, 1, 1]])
+        return tuple(for_kernels(np.arange(len(self._lines)), self._lines[:, [0, 1, 1]]))
 
     @cached_property
-    def _tables(self) -> tuple[Tensor, Tensor]:
+    def _tables(self) -> tuple[Tensor, ...]:
         """The triangle of each box, and their corners, for the compiled kernel."""
-        return torch.from_numpy(self._triangle), torch.from_numpy(self.mesh.vertices[self.mesh.faces])
+        return tuple(for_kernels(self._triangle, self.mesh.vertices[self.mesh.faces]))
 
     def _of_line(self, line: Int[Index, " P"], share: Float[Array, " P"]) -> Int[Index, "P 3"]:
         """The vertices of edges, or of one of the two faces of seams: the other face is as near to the camera there."""
@@ -117,10 +116,6 @@ class Nearest:
         near = near[np.argsort(-distance[near], kind="stable")]
         moved[query[near]] = found[near]
         own[query[near]] = vertices[near]
-
-
-def _contiguous(points: Float[Array, "Q 3"]) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(points, np.float64))
 
 
 def places_anywhere(mesh: TriangleMesh, points: Float[Array, "Q 3"]) -> tuple[Float[Array, "Q 3"], Int[Index, "Q 3"]]:

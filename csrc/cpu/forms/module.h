@@ -1,0 +1,7 @@
+// What the Python module has of forms.
+#pragma once
+#include <nanobind/nanobind.h>
+
+namespace stroke::forms {
+void bind(nanobind::module_ &m);
+}
