@@ -12,6 +12,7 @@ import jaxtyping
 import pytest
 import torch
 from gpu_promise import promised
+from reading_here import reading_here
 
 # Each takes up to 1.5 GB of memory.
 MOST_WORKERS = 8
@@ -80,3 +81,10 @@ def unchecked():
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture
+def read_here():
+    """Files are read in this process."""
+    with reading_here():
+        yield

@@ -11,6 +11,7 @@ from diff3ds.bezier import evaluate
 
 needs_ezdxf = pytest.mark.skipif(importlib.util.find_spec("ezdxf") is None, reason="the extra cad is not installed")
 needs_rhino = pytest.mark.skipif(importlib.util.find_spec("rhino3dm") is None, reason="the extra cad is not installed")
+pytestmark = pytest.mark.usefixtures("read_here")
 BOTH = [pytest.param(".dxf", marks=needs_ezdxf), pytest.param(".3dm", marks=needs_rhino)]
 T = torch.linspace(0, 1, 9, dtype=torch.float64)
 

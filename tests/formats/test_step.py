@@ -13,6 +13,7 @@ from diff3ds.bezier import evaluate
 from diff3ds.formats.cad import step_entities
 
 needs_occt = pytest.mark.skipif(importlib.util.find_spec("OCP") is None, reason="the extra cad is not installed")
+pytestmark = pytest.mark.usefixtures("read_here")
 
 
 def uniform(generator, *shape):

@@ -78,6 +78,7 @@ def foreign(tmp_path_factory):
     return samples, spline, quintic
 
 
+@pytest.mark.usefixtures("read_here")
 @needs_occt
 def test_composite_curves_may_run_against_their_parts(tmp_path):
     corners = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]], dtype=torch.float64)
@@ -93,6 +94,7 @@ def test_composite_curves_may_run_against_their_parts(tmp_path):
     torch.testing.assert_close(back.points, chain.points.flip(0, 1), atol=1e-15, rtol=0)
 
 
+@pytest.mark.usefixtures("read_here")
 @needs_occt
 def test_edges_of_a_solid_are_strokes_of_their_own(tmp_path):
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox

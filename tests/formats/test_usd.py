@@ -11,6 +11,7 @@ import diff3ds as ds
 from diff3ds.bezier import evaluate
 
 needs_usd = pytest.mark.skipif(importlib.util.find_spec("pxr") is None, reason="the extra usd is not installed")
+pytestmark = pytest.mark.usefixtures("read_here")
 
 
 def sketch(space="world", along=True, **others):
