@@ -6,7 +6,7 @@ import torch
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
-from diff3ds.page.boxes import BoxIndex
+from diff3ds.page.boxes import BoxIndex, in_order
 from diff3ds.page.picture import Picture
 from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.shape.nearest import Nearest
@@ -149,6 +149,13 @@ def test_boxes_around_points_and_boxes_that_meet_are_found_and_no_others(compile
         found[index.meeting(points, ends)] = True
         assert (found == meet).all()
     assert len(BoxIndex.of(np.zeros((0, 2)), np.zeros((0, 2)), 1.0).around(np.zeros((3, 2)))[0]) == 0
+
+
+def test_rows_by_rising_keys_are_those_of_a_stable_sort():
+    rng = np.random.default_rng(0)
+    for count in (0, 1, 7, 5000):
+        keys = rng.integers(-(1 << 60), 1 << 60, 50)[rng.integers(0, 50, count)]
+        assert np.array_equal(in_order(keys), np.argsort(keys, kind="stable"))
 
 
 @pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")

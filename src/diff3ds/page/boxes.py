@@ -81,7 +81,7 @@ class BoxIndex:
             keys.append(_keys(level[real], [end[real] for end in ends]))
             boxes.append(real)
         flat, box = np.concatenate(keys), np.concatenate(boxes)
-        order = np.argsort(flat, kind="stable")
+        order = in_order(flat)
         return BoxIndex(origin, cell, np.unique(level), flat[order], box[order], low, high)
 
     def around(self, points: Float[Array, "Q D"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
@@ -169,6 +169,18 @@ def _keys(level: Int[Index, " N"] | np.int64, place: Sequence[Index] | Int[Index
     for number in place:
         key = (key << BITS) | number
     return key
+
+
+def in_order(keys: Int[Index, " N"]) -> Int[Index, " N"]:
+    """The rows by rising keys, those of one key by rising rows; fewer than 2^32.
+
+    Numpy's own stable sort takes three times as long as two that need not be stable.
+    """
+    order = np.argsort(keys)
+    found = keys[order]
+    group = np.cumsum(np.concatenate([np.zeros(len(keys[:1]), np.int64), found[1:] != found[:-1]]))
+    rows: Index = np.sort(group << 32 | order) & 0xFFFFFFFF
+    return rows
 
 
 def _in_grid(place: Int[Index, "N D"]) -> Mask:

@@ -102,7 +102,7 @@ class _Surface:
         """How far strokes are from the planes of the nearest faces in the mean, pixels of the drawings."""
         t = torch.linspace(0, 1, SAMPLES, dtype=sketch.points.dtype)
         along = evaluate(sketch.points, sketch.weights, t).flatten(0, 1).double()
-        face = torch.from_numpy(self._tree.query(along.detach().numpy())[1])
+        face = torch.from_numpy(self._tree.query(along.detach().numpy(), workers=-1)[1])
         off = ((along - self._middle[face]) * self._normal[face]).sum(1).abs()
         return off.mean() * SIZE / (2 * MARGIN)
 
@@ -131,9 +131,9 @@ class _Drawing:
         if self._tree is None or not float(whole) > 0:
             return 0.0 * middle.sum()
         places: Float[Array, "P 2"] = middle.detach().numpy()
-        nearest = torch.from_numpy(cKDTree(places).query(self._place.numpy())[1])
+        nearest = torch.from_numpy(cKDTree(places).query(self._place.numpy(), workers=-1)[1])
         missing = (middle[nearest] - self._place).norm(dim=1) @ self._weight
-        there = self._place[torch.from_numpy(self._tree.query(places)[1])]
+        there = self._place[torch.from_numpy(self._tree.query(places, workers=-1)[1])]
         extra = (middle - there).norm(dim=1) @ length
         mean: Tensor = (missing + EXTRA * extra) / whole
         return mean

@@ -19,6 +19,7 @@ from diff3ds.formats import save, save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.formats.mesh import save_surface
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.seen_around import ranked_around
@@ -34,6 +35,8 @@ SURFACE = "surface.glb"
 # Bytes that a run writes at most: checkpoints and results of some thousand strokes, pictures of the progress; and with
 # a checkpoint of a network, twice while one takes the place of another.
 ROOM, ROOM_FOR_NETWORKS = 1 << 26, 1 << 28
+# Strokes for which a copy of the process that writes them is worth its start. Empirical.
+WORTH_COPY = 200
 # Losses in run.json: enough for a plot.
 MOST_LOSSES = 500
 
@@ -90,11 +93,17 @@ def write_results(
     if sketch.importance is None:
         sketch, strokes = ranked_around(sketch, surface, sort=sort)
         layers = None if layers is None else [layers[stroke] for stroke in strokes]
-    if surface is not None:
-        save_surface(out / SURFACE, surface.vertices, surface.faces)
-    save(out / "sketch.json", sketch)
-    save_step(out / "sketch.step", sketch, layers=layers)
-    write_pictures(out, sketch, cameras, preview, surface, page)
+
+    def written(job: int) -> None:
+        if job == 0:
+            write_pictures(out, sketch, cameras, preview, surface, page)
+            return
+        if surface is not None:
+            save_surface(out / SURFACE, surface.vertices, surface.faces)
+        save(out / "sketch.json", sketch)
+        save_step(out / "sketch.step", sketch, layers=layers)
+
+    in_copies(written, 2, 1 + len(sketch) // WORTH_COPY)
     every = -(-len(info.losses) // MOST_LOSSES) or 1
     content = {
         "options": {k: str(v) if isinstance(v, Path) else v for k, v in info.options.items()},

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.page.boxes import in_order
 from diff3ds.page.picture import Picture
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -149,7 +150,7 @@ def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int
     """
     # A way along a step is a number: twice the step's own from its first end, and one more from the second.
     whose = ends.ravel()
-    leaving = np.argsort(whose, kind="stable")
+    leaving = in_order(whose)
     first = np.searchsorted(whose[leaving], np.arange(count + 1))
     steps_at = np.diff(first)
     double = first[:-1][steps_at == 2]

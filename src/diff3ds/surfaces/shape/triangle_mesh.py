@@ -9,6 +9,7 @@ import torch
 from numpy.typing import ArrayLike
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
+from diff3ds.page.boxes import in_order
 from diff3ds.surfaces.shape.clean import welded, wound_alike
 
 # Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.
@@ -357,7 +358,7 @@ def _edges_of(faces: Int[Index, "F 3"]) -> tuple[Int[Index, "E 2"], Int[Index, "
 def _beside(face_edges: Int[Index, "F 3"], count: int) -> Int[Index, "E 2"]:
     """The first two faces at each edge, -1 where there is no second."""
     flat = face_edges.ravel()
-    order = np.argsort(flat, kind="stable")
+    order = in_order(flat)
     start = np.searchsorted(flat[order], np.arange(count + 1))
     beside = np.full((count, 2), -1, np.int64)
     beside[:, 0] = order[start[:-1]] // 3
