@@ -3,6 +3,7 @@
 #include "cpu/arrays.h"
 #include "cpu/boxes/module.h"
 #include "cpu/driver.h"
+#include "cpu/edges/module.h"
 #include "cpu/forms/module.h"
 #include "cpu/project.h"
 #include <nanobind/stl/string.h>
@@ -277,6 +278,7 @@ NB_MODULE(_kernels, m) {
   m.def("project_backward", &py_project_backward, "curves"_a, "g_cubics"_a);
   areas::bind(m);
   boxes::bind(m);
+  edges::bind(m);
   forms::bind(m);
   m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());
   m.def("trim", [] { pool().trim(); });

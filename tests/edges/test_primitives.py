@@ -17,6 +17,7 @@ from diff3ds.curves.shapes.primitives import Kind, arc_control, fit_arcs, fit_ci
 from diff3ds.edges.first.circles import find_circles
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints
+from diff3ds.render.backends import available_backends
 
 CENTER, (U, V, N) = np.array([0.3, -0.2, 0.5]), turned().T
 T = torch.linspace(0, 1, 41, dtype=torch.float64)
@@ -152,6 +153,29 @@ def test_a_rounded_corner_is_cut_into_line_arc_line(scatter):
 )
 def test_chains_become_the_fewest_strokes(chain, kinds):
     assert [s.kind for s in segmented(chain, 1.0)] == kinds
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without the compiled kernels")
+def test_the_kernel_cuts_chains_where_numpy_does(monkeypatch):
+    rng = np.random.default_rng(0)
+    chains = []
+    for _ in range(4):
+        # The way turns evenly for a while, a little or fast, and at some points it breaks off.
+        way, turn, chain = rng.normal(size=3), np.zeros(3), [np.zeros(3)]
+        for _ in range(50):
+            turn = rng.normal(size=3) * rng.choice([0, 0.05, 0.2]) if rng.random() < 0.06 else turn
+            way = rng.normal(size=3) if rng.random() < 0.03 else way + np.cross(turn, way)
+            way /= np.linalg.norm(way)
+            chain.append(chain[-1] + way)
+        chains.append(np.array(chain) + 0.2 * rng.normal(size=(51, 3)))
+    found = [segmented(chain, 1.0) for chain in chains]
+    monkeypatch.setattr("diff3ds.edges.first.segment.kernels", lambda: None)
+    assert {stroke.kind for strokes in found for stroke in strokes} >= {Kind.LINE, Kind.ARC, Kind.FREE}
+    for strokes, chain in zip(found, chains, strict=True):
+        expected = segmented(chain, 1.0)
+        assert [stroke.kind for stroke in strokes] == [stroke.kind for stroke in expected]
+        for stroke, other in zip(strokes, expected, strict=True):
+            np.testing.assert_array_equal(stroke.control, other.control)
 
 
 def circle_points(radius=15.0, scatter=0.3, start=0.0, stop=2 * math.pi):

@@ -1,6 +1,7 @@
 """Which parts of curves views show, what crowds them, and which ridges no curve explains."""
 
 import numpy as np
+import pytest
 import torch
 from edge_scenes import (
     CORNERS,
@@ -16,8 +17,20 @@ from edge_scenes import (
 )
 
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.evidence.support import PARTS, clear_support, crowded, headings, inliers, part_support, samples
+from diff3ds.edges.evidence.support import (
+    APART,
+    CROWDED,
+    PARTS,
+    SLANT,
+    clear_support,
+    crowded,
+    headings,
+    inliers,
+    part_support,
+    samples,
+)
 from diff3ds.edges.evidence.unexplained import unexplained
+from diff3ds.render.backends import available_backends
 
 CAMERAS = around(24, 128)
 HALF, ROTATION = np.array([0.5, 0.4, 0.6]), turned()
@@ -93,6 +106,46 @@ def test_parallel_lines_crowd_each_other_where_they_appear_side_by_side():
     parts = found.reshape(24, PARTS, -1).all(2)
     assert not (clear[:, 0].numpy() & parts).any()
     assert clear.sum() > 0.6 * shown.sum()
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without the compiled kernels")
+def test_points_that_the_kernel_finds_on_ridges_are_those_of_numpy(monkeypatch):
+    views = views_of(CAMERAS, BOX, SHOWN)
+    rng = np.random.default_rng(4)
+    x, tangents = samples(CURVES)
+    x, tangents = (values + rng.normal(0, scale, values.shape) for values, scale in ((x, 0.02), (tangents, 0.4)))
+    # And some that views do not contain.
+    x = np.concatenate([x, rng.uniform(-9, 9, x.shape)])
+    tangents = np.concatenate([tangents, tangents])
+    found = inliers(views, x, tangents)
+    monkeypatch.setattr("diff3ds.edges.evidence.support.kernels", lambda: None)
+    assert 0.1 < found.mean() < 0.5
+    assert (inliers(views, x, tangents) == found).all()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_crowds_a_point_is_what_a_look_at_all_pairs_says(compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr("diff3ds.edges.evidence.support.kernels", lambda: None)
+    views = views_of(CAMERAS, BOX)
+    rng = np.random.default_rng(2)
+    # Along a plane a hundredth of the scene thick, so that some views see all of it as a line.
+    x = rng.uniform(-0.5, 0.5, (300, 3)) * [1, 1, 0.01]
+    tangents = rng.normal(size=(300, 3))
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    by, at = rng.random(300) < 0.5, rng.random((24, 300)) < 0.7
+    pixel = views.project(x)[0]
+    u, v = headings(views, x, tangents, pixel).transpose(2, 0, 1)
+    near = np.linalg.norm(pixel[:, :, None] - pixel[:, None], axis=-1) <= CROWDED
+    same_way = np.abs(u[:, :, None] * v[:, None] - v[:, :, None] * u[:, None]) < SLANT
+    step = x[:, None] - x
+    first = np.where((np.arange(300)[:, None] < np.arange(300))[..., None], tangents[:, None], tangents[None])
+    apart = (APART * views.pixel) ** 2
+    two = ((step**2).sum(2) > apart) & ((step**2).sum(2) - (step * first).sum(2) ** 2 > apart)
+    expected = at & (near & same_way & two & by).any(2)
+    found = crowded(views, x, tangents, by, at=at)
+    assert 100 < expected.sum() < 0.9 * at.sum()
+    assert (found == expected).all()
 
 
 def test_alone_nothing_is_crowded():

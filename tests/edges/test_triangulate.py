@@ -9,7 +9,7 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.first.carve import CELLS_A_PLACE, HALF_DIAGONAL, carve, most_cells
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
-from diff3ds.render.backends import set_num_threads
+from diff3ds.render.backends import available_backends, set_num_threads
 
 CAMERAS = around(24, 96)
 ENDS = [
@@ -76,6 +76,32 @@ def test_any_number_of_copies_of_the_process_finds_the_same(scene):
         set_num_threads(None)
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without the compiled kernels")
+@pytest.mark.parametrize("most", [None, 300])
+def test_cells_that_the_kernel_keeps_are_those_of_numpy(scene, most, monkeypatch):
+    views, min_views = scene
+    if most:
+        monkeypatch.setattr("diff3ds.edges.first.carve.most_cells", lambda *_: most)
+    found = carve(views, REACH, CELL * views.pixel, min_views)
+    monkeypatch.setattr("diff3ds.edges.first.carve.kernels", lambda: None)
+    assert len(found) == (most or len(found)) > 0
+    np.testing.assert_array_equal(carve(views, REACH, CELL * views.pixel, min_views), found)
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without the compiled kernels")
+def test_points_that_the_kernel_moves_lie_where_numpy_moves_them(scene, monkeypatch):
+    views, min_views = scene
+    found = [found_in(views, min_views)[0]]
+    # As without the kernels, from the same cells.
+    monkeypatch.setattr("diff3ds.edges.first.triangulate.kernels", lambda: None)
+    found.append(found_in(views, min_views)[0])
+    one, other = found
+    assert len(one) == len(other) > 100
+    np.testing.assert_allclose(one.points, other.points, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(one.scores, other.scores, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(np.abs((one.directions * other.directions).sum(1)), 1, rtol=0, atol=1e-9)
 
 
 def test_scores_count_the_views_that_agree(scene):

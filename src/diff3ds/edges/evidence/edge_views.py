@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int, Tensor
@@ -80,6 +81,20 @@ class EdgeViews:
         """The columns of all ridge points, and their rows, in single precision."""
         return np.ascontiguousarray(self.points.T.astype(np.float32))
 
+    @cached_property
+    def tables(self) -> tuple[Tensor, Tensor, Tensor]:
+        """What the compiled kernels find the ridges of `match` by."""
+        return (
+            torch.from_numpy(self.projection),
+            torch.from_numpy(self.nearest),
+            torch.from_numpy(self.points).T.contiguous(),
+        )
+
+    @cached_property
+    def single(self) -> tuple[Tensor, Tensor, Tensor]:
+        """And those of `nearby`."""
+        return self.tables[0].float(), self.tables[1], torch.from_numpy(self._rows)
+
     def project(self, x: Float[Array, "M 3"]) -> tuple[Float[Array, "V M 2"], Float[Array, "V M"]]:
         """Pixels and depths of world points."""
         # Each component lies in a row, which is several times as fast.
@@ -109,11 +124,13 @@ class EdgeViews:
 
         Infinite where the view does not contain the point. Pixels are numbered row by row.
         """
-        matrix = self.projection[view].astype(np.float32)
-        homogeneous = x.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
-        depth = homogeneous[:, 2]
+        places = np.ascontiguousarray(x.T.astype(np.float32))
+        # Term by term, as the compiled kernels do it: a product of matrices each machine rounds its own way.
+        across, down, depth = (
+            a * places[0] + b * places[1] + c * places[2] + d for a, b, c, d in self.projection[view].astype(np.float32)
+        )
         by = np.where(depth == 0, np.float32(1e-12), depth)
-        column, row = (homogeneous[:, k] / by for k in (0, 1))
+        column, row = across / by, down / by
         height, width = self.size
         inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < width) & (row < height)
         place = np.where(inside, row, 0).astype(np.int32) * width + np.where(inside, column, 0).astype(np.int32)

@@ -14,6 +14,7 @@ from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import tangents_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.parallel.side_by_side import side_by_side
+from diff3ds.render.backends import kernels
 
 # [parts; empirical] Parts of a segment: a curve, or half of a closed one.
 PARTS = 6
@@ -94,8 +95,13 @@ def inliers(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 
     Args:
         within: so near lies the ridge, pixels.
     """
+    kernel = getattr(kernels(), "edges_shown", None)
 
     def found(piece: slice) -> Flags:
+        if kernel:
+            three = views.normals, x[piece], _ahead(views, x[piece], tangents[piece])
+            given = [torch.from_numpy(np.ascontiguousarray(values)) for values in three]
+            return np.asarray(kernel(views.tables, *given, within, SLANT))
         match = views.match(x[piece])
         heading = headings(views, x[piece], tangents[piece], match.pixel)
         across = np.abs(dot(heading, views.normals.take(match.ridge, 0)))
@@ -115,7 +121,12 @@ def headings(
     views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: Float[Array, "V M 2"]
 ) -> Float[Array, "V M 2"]:
     """Directions of tangents in the images, unit vectors; `pixel` is where the points are."""
-    return unit(views.project(x + STEP * views.pixel * tangents)[0] - pixel)
+    return unit(views.project(_ahead(views, x, tangents))[0] - pixel)
+
+
+def _ahead(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]) -> Float[Array, "M 3"]:
+    """Points a small step along tangents."""
+    return x + STEP * views.pixel * tangents
 
 
 def crowded(
@@ -134,35 +145,53 @@ def crowded(
         at: which points are asked about in which views; default all.
         within: how far beside it, pixels.
     """
-    from scipy.spatial import cKDTree
-
-    by = np.ones(len(x), bool) if by is None else by
     pixel = views.project(x)[0]
     heading = headings(views, x, tangents, pixel)
     # Of each component all points lie in a row: there are millions of pairs.
     places, along = np.ascontiguousarray(x.T), np.ascontiguousarray(tangents.T)
     apart = (APART * views.pixel) ** 2
+    beside: Callable[..., Bool[NDArray[np.bool_], " M"]] = getattr(kernels(), "edges_crowded", None) or _beside
 
     def beside_another(view: int) -> Bool[NDArray[np.bool_], " M"]:
         seen = (np.abs(pixel[view]) < 1e6).all(1)
-        asked, others = (np.nonzero(seen & which)[0] for which in (True if at is None else at[view], by))
-        # Asked once, trees need not be tidy.
-        own, other = (cKDTree(pixel[view][rows], 32, False, balanced_tree=False) for rows in (asked, others))
-        pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
-        here, beside = asked.take(pairs["i"]), others.take(pairs["j"])
-        # Most are of one line, or of two that are one.
-        far = sum((axis.take(here) - axis.take(beside)) ** 2 for axis in places) > apart
-        here, beside = here[far], beside[far]
-        u, v = np.ascontiguousarray(heading[view].T)
-        same_way = np.abs(u.take(here) * v.take(beside) - v.take(here) * u.take(beside)) < SLANT
-        here, beside = here[same_way], beside[same_way]
-        # Which of the two comes first says along which of them they are apart.
-        first, second = np.minimum(here, beside), np.maximum(here, beside)
-        step = [axis.take(first) - axis.take(second) for axis in places]
-        # Across the line: a line seen from its end is no other line.
-        on = sum(a * axis.take(first) for a, axis in zip(step, along, strict=True))
-        found = np.zeros(len(x), bool)
-        found[here[sum(a * a for a in step) - on**2 > apart]] = True
-        return found
+        asked, others = (seen if which is None else seen & which for which in (None if at is None else at[view], by))
+        rows = np.ascontiguousarray(pixel[view].T), np.ascontiguousarray(heading[view].T)
+        given = [torch.from_numpy(values) for values in (asked, others, *rows, places, along)]
+        return np.asarray(beside(*given, within, SLANT, apart))
 
     return np.stack(side_by_side(beside_another, len(views), len(views)))
+
+
+def _beside(
+    asked: Bool[Tensor, " M"],
+    by: Bool[Tensor, " M"],
+    pixels: Float[Tensor, "2 M"],
+    headings: Float[Tensor, "2 M"],
+    places: Float[Tensor, "3 M"],
+    tangents: Float[Tensor, "3 M"],
+    within: float,
+    slant: float,
+    apart: float,
+) -> Bool[NDArray[np.bool_], " M"]:
+    """What the compiled kernel says of one view: which points that are asked another line appears beside."""
+    from scipy.spatial import cKDTree
+
+    rows = [np.nonzero(which.numpy())[0] for which in (asked, by)]
+    # Asked once, trees need not be tidy.
+    own, other = (cKDTree(pixels.numpy().T[some], 32, False, balanced_tree=False) for some in rows)
+    pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
+    here, beside = rows[0].take(pairs["i"]), rows[1].take(pairs["j"])
+    # Most are of one line, or of two that are one.
+    far = sum((axis.take(here) - axis.take(beside)) ** 2 for axis in places.numpy()) > apart
+    here, beside = here[far], beside[far]
+    u, v = headings.numpy()
+    same_way = np.abs(u.take(here) * v.take(beside) - v.take(here) * u.take(beside)) < slant
+    here, beside = here[same_way], beside[same_way]
+    # Which of the two comes first says along which of them they are apart.
+    first, second = np.minimum(here, beside), np.maximum(here, beside)
+    step = [axis.take(first) - axis.take(second) for axis in places.numpy()]
+    # Across the line: a line seen from its end is no other line.
+    on = sum(a * axis.take(first) for a, axis in zip(step, tangents.numpy(), strict=True))
+    found = np.zeros(len(asked), bool)
+    found[here[sum(a * a for a in step) - on**2 > apart]] = True
+    return found

@@ -1,6 +1,7 @@
 """Carving: which cells of space enough views confirm to hold an edge."""
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
@@ -9,6 +10,7 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 from diff3ds.parallel.in_copies import in_copies
 from diff3ds.parallel.side_by_side import side_by_side
+from diff3ds.render.backends import kernels
 
 # [sides; derived] Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
 HALF_DIAGONAL = np.sqrt(3) / 2
@@ -83,15 +85,20 @@ def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: 
         one = np.ones_like(chance, bool)
         return [told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (one, ~one)]
 
-    of_views = side_by_side(chances, len(views), len(views))
+    of_views = np.array(side_by_side(chances, len(views), len(views)))
+    reach = (radius * views.focal) ** 2
+    kernel = getattr(kernels(), "edges_odds", None)
+    said = [torch.from_numpy(np.ascontiguousarray(of_views[:, k])) for k in range(2)] if kernel else []
     # In pieces, so that no array leaves the processor's cache.
     pieces = np.array_split(cells, len(cells) // (8 * CHUNK) + 1)
 
     def odds_of(piece: int) -> Float[NDArray[np.float32], " K"]:
+        if kernel:
+            return np.asarray(kernel(views.single, torch.from_numpy(reach), torch.from_numpy(pieces[piece]), *said))
         odds = np.zeros(len(pieces[piece]), np.float32)
         for view, (passed, missed) in enumerate(of_views):
             off, depth, place = views.nearby(view, pieces[piece])
-            near = off * np.maximum(depth, 1e-9) ** 2 < (radius * views.focal[view]) ** 2
+            near = off * np.maximum(depth, 1e-9) ** 2 < reach[view]
             odds += np.where(np.isfinite(off), np.where(near, passed.take(place), missed.take(place)), 0)
         return odds
 
@@ -132,10 +139,13 @@ def _confirmed(
     views: EdgeViews, cells: Float[Array, "M 3"], side: float, least_views: float
 ) -> Bool[NDArray[np.bool_], " M"]:
     """Whether enough views have a ridge within the pixels that half the diagonal of a cell covers."""
-    radius = HALF_DIAGONAL * side * views.focal
+    reach = (HALF_DIAGONAL * side * views.focal) ** 2
+    if kernel := getattr(kernels(), "edges_confirmed", None):
+        places = torch.from_numpy(np.ascontiguousarray(cells))
+        return np.asarray(kernel(views.single, torch.from_numpy(reach), places, int(np.ceil(least_views))))
     count = np.zeros(len(cells), np.int32)
     # View by view, in single precision: no array leaves the processor's cache.
     for view in range(len(views)):
         off, depth, _ = views.nearby(view, cells)
-        count += off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2
+        count += off * np.maximum(depth, 1e-9) ** 2 < reach[view]
     return np.asarray(count >= least_views)

@@ -1,10 +1,26 @@
 """Chains of points cut into the fewest lines, arcs and cubics that fit."""
 
 import numpy as np
+import torch
 
-from diff3ds._shapes import Array, Float
-from diff3ds.curves.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds._shapes import Array, Float, Index, Int
+from diff3ds.curves.fit_cubics import EVEN, ROUNDS
+from diff3ds.curves.shapes.primitives import (
+    CIRCLE_ROUNDS,
+    FREEDOM,
+    MOST_SWEEP,
+    ONE_WAY,
+    POINT_SCATTER,
+    SETTLED,
+    WAVERING,
+    Kind,
+    Primitive,
+    fit_arcs,
+    fit_cubic,
+    fit_line,
+)
 from diff3ds.curves.shapes.straight_lines import resampled
+from diff3ds.render.backends import kernels
 
 # [scatters; empirical] Points on a chain that are farther off count no more, in units of their scatter: a stray point
 # is no reason for another curve.
@@ -62,11 +78,28 @@ def _cost(primitive: Primitive, pixel: float) -> float:
 
 
 def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
-    """The cheapest sequence of strokes, by dynamic programming over where it may be cut."""
-    places = np.unique(np.linspace(0, len(points) - 1, min(CUTS, len(points))).round().astype(int))
+    """The cheapest sequence of strokes."""
+    places = np.unique(np.linspace(0, len(points) - 1, min(CUTS, len(points))).round().astype(np.int64))
+    start, stop = _starts(points, places, pixel), len(places) - 1
+    found: list[Primitive] = []
+    while stop > 0:
+        part = points[places[start[stop]] : places[stop] + 1]
+        found.insert(0, _best(part, pixel)[0] if len(part) >= 4 else fit_line(part))
+        stop = int(start[stop])
+    return found
+
+
+def _starts(points: Float[Array, "M 3"], places: Int[Index, " P"], pixel: float) -> Int[Index, " P"]:
+    """For each place where the last stroke of the cheapest sequence up to there begins: by dynamic programming."""
+    if kernel := getattr(kernels(), "edges_cut", None):
+        given = torch.from_numpy(points), torch.from_numpy(places)
+        limits = POINT_SCATTER * pixel, STRAY, RISE * pixel
+        prices = [PRICE * FREEDOM[kind] for kind in (Kind.LINE, Kind.ARC, Kind.FREE)]
+        fits = [ONE_WAY, WAVERING, MOST_SWEEP], SETTLED, EVEN, CIRCLE_ROUNDS, ROUNDS
+        return np.asarray(kernel(*given, *limits, prices, *fits)).view(np.int64)
     cost = np.full(len(places), np.inf)
     cost[0] = 0.0
-    last: list[tuple[int, Primitive] | None] = [None] * len(places)
+    last = np.zeros(len(places), np.int64)
     least, open_ = np.zeros(len(places)), np.ones(len(places), bool)
     for stop in range(1, len(places)):
         for start in np.nonzero(open_[:stop])[0].tolist():
@@ -75,21 +108,12 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
             # Many starts cost too much already with the cheapest stroke from there.
             if (len(part) < 3 and start > 0) or left <= PRICE * FREEDOM[Kind.LINE]:
                 continue
-            whole = len(part) >= 4
-            primitive, price = _best(part, pixel, left) if whole else (fit_line(part), float(FREEDOM[Kind.LINE]))
+            price = _best(part, pixel, left)[1] if len(part) >= 4 else PRICE * FREEDOM[Kind.LINE]
             if cost[start] + price < cost[stop]:
-                cost[stop] = cost[start] + price
-                last[stop] = (start, primitive)
+                cost[stop], last[stop] = cost[start] + price, start
             if left > PRICE * FREEDOM[Kind.FREE]:
                 least[start] = cost[start] + price - PRICE * FREEDOM[Kind.FREE]
         # Points only add to costs: a start that costs more here than other ways does so from here on (PELT, Killick et
         # al. 2012).
         open_[:stop] &= least[:stop] < cost[stop]
-    found: list[Primitive] = []
-    at = len(places) - 1
-    while at > 0:
-        step = last[at]
-        assert step is not None
-        at, primitive = step
-        found.insert(0, primitive)
-    return found
+    return last

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
@@ -11,6 +12,7 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.first.carve import CELL, CHUNK
 from diff3ds.edges.watch import Tick, no_tick
 from diff3ds.parallel.in_copies import in_copies
+from diff3ds.render.backends import kernels
 
 # [rounds; empirical] Rounds of moving points onto the edges.
 ROUNDS = 8
@@ -86,26 +88,38 @@ def _triangulated(views: EdgeViews, x: Float[Array, "M 3"], least_score: float) 
     directions: Array | None = None
     scores = np.zeros(len(x))
     for turn in range(ROUNDS):
-        match = views.match(x)
-        # One component after the other: what follows goes over each of them in a row.
-        planes = np.moveaxis(np.ascontiguousarray(np.moveaxis(views.planes.take(match.ridge, 0), -1, 0)), 0, -1)
-        normals = planes[..., :3]
         sigma = max(FIRST_SIGMA * SIGMA_RATIO**turn, LAST_SIGMA)
-        near = np.exp(-0.5 * (match.distance / sigma) ** 2) * (match.distance < CUT_OFF * sigma)
-        if directions is None:
-            weights, directions = _first_directions(near, normals)
-        else:
-            weights = near * _along(normals, directions, TILT)
-            directions = _axis(weights, normals)
-        residual = np.einsum("vmk,mk->vm", normals, x) + planes[..., 3]
-        x = x + _step(weights, normals, residual, directions, longest)
-        scores = weights.sum(0)
+        x, directions, scores = _settled(views, x, directions, sigma, longest)
         if turn >= 2:
             stay = _best_of_voxels(x, scores, MERGED * views.pixel)
             stay = stay[scores[stay] >= (least_score if turn == ROUNDS - 1 else least_score / 2)]
             x, directions, scores = x[stay], directions[stay], scores[stay]
     assert directions is not None
     return EdgePoints(x, directions, scores)
+
+
+def _settled(
+    views: EdgeViews, x: Float[Array, "M 3"], directions: Float[Array, "M 3"] | None, sigma: float, longest: float
+) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"], Float[Array, " M"]]:
+    """Points moved to the planes nearby, the directions in which these meet, and the sums of their weights."""
+    if kernel := getattr(kernels(), "edges_settled", None):
+        tilt, rounds = (FIRST_TILT, DIRECTION_ROUNDS) if directions is None else (TILT, 1)
+        known = None if directions is None else torch.from_numpy(directions)
+        given = torch.from_numpy(views.planes), torch.from_numpy(np.ascontiguousarray(x)), known
+        found, axes, scores = kernel(views.tables, *given, sigma, CUT_OFF * sigma, tilt, rounds, DAMPING, longest)
+        return found, axes, scores
+    match = views.match(x)
+    # One component after the other: what follows goes over each of them in a row.
+    planes = np.moveaxis(np.ascontiguousarray(np.moveaxis(views.planes.take(match.ridge, 0), -1, 0)), 0, -1)
+    normals = planes[..., :3]
+    near = np.exp(-0.5 * (match.distance / sigma) ** 2) * (match.distance < CUT_OFF * sigma)
+    if directions is None:
+        weights, directions = _first_directions(near, normals)
+    else:
+        weights = near * _along(normals, directions, TILT)
+        directions = _axis(weights, normals)
+    residual = np.einsum("vmk,mk->vm", normals, x) + planes[..., 3]
+    return x + _step(weights, normals, residual, directions, longest), directions, weights.sum(0)
 
 
 def _first_directions(near: Array, normals: Array) -> tuple[Array, Array]:
