@@ -1,5 +1,7 @@
 """Hatching against what was asked: its spacing, its tone, what hides it, and that a small turn leaves it in place."""
 
+import functools
+
 import numpy as np
 import pytest
 import torch
@@ -26,14 +28,23 @@ def mesh(found: trimesh.Trimesh) -> ds.TriangleMesh:
     return ds.TriangleMesh(found.vertices, found.faces)
 
 
-def ball() -> ds.TriangleMesh:
-    return mesh(trimesh.creation.icosphere(3))
+# Once each: a mesh keeps what all of its views need to hatch it, which takes longer than most views.
+@functools.cache
+def ball(subdivisions: int = 3) -> ds.TriangleMesh:
+    return mesh(trimesh.creation.icosphere(subdivisions))
 
 
+@functools.cache
 def plane() -> ds.TriangleMesh:
     return ds.TriangleMesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
 
 
+@functools.cache
+def upright() -> ds.TriangleMesh:
+    return ds.TriangleMesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
+
+
+@functools.cache
 def part() -> ds.TriangleMesh:
     """A round peg through a plate, as two pieces that go through each other."""
     plate, peg = trimesh.creation.box((1.8, 1.2, 0.3)), trimesh.creation.cylinder(0.4, 1.4, 48)
@@ -83,7 +94,7 @@ def test_lines_are_as_far_apart_as_asked(surface):
 @pytest.mark.parametrize(("tones", "stipple"), [(1, False), (3, False), (4, False), (1, True), (3, True), (4, True)])
 def test_a_ball_is_as_dark_as_the_light_says(tones, stipple):
     view = camera()
-    strokes = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=tones, spacing=4.0, stipple=stipple)
+    strokes = hatching(ball(4), view, tones=tones, spacing=4.0, stipple=stipple)
     drawn = 1 - ds.render(strokes, view).color[0, ..., 0].numpy()
     pose = view.world_to_camera[0].numpy()
     x, y = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
@@ -232,7 +243,7 @@ def test_a_picture_is_laid_over_what_is_seen(stipple):
     """A ramp from white at the left to black at the right, and black below the middle, on a wall of two triangles."""
     ramp = np.broadcast_to(1 - (np.arange(64) + 0.5) / 64, (64, 64)).copy()
     ramp[32:] = 0
-    wall = ds.TriangleMesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
+    wall = upright()
     view = ds.orbit([0.0], [0.0], 4.0, fov=30.0, size=SIZE).to(torch.float64)
     strokes = hatching(wall, view, by=ramp, tones=4, spacing=4.0, stipple=stipple)
     got = gaussian_filter(1 - ds.render(strokes, view).color[0, ..., 0].numpy(), 6)
@@ -247,7 +258,7 @@ def test_solids_are_hatched_as_their_meshes():
     view = camera()
     for how in ({}, {"stipple": True}):
         exact = hatching(ds.Quadrics.ellipsoids([[0.0, 0, 0]], 1.0), view, tones=1, **how)
-        close = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=1, **how)
+        close = hatching(ball(4), view, tones=1, **how)
         length = [len(points_on(strokes, view)[1]) for strokes in (exact, close)]
         assert abs(length[0] / length[1] - 1) < 0.1
 
