@@ -1,5 +1,6 @@
 """Curved strokes against densely sampled curves and exact circles."""
 
+import functools
 import math
 
 import numpy as np
@@ -42,12 +43,9 @@ def test_loops_within_a_tile(backend):
 STEEP = [0.0, 1e-12, -1e-7, 1e-5, -1e-3]
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-@pytest.mark.parametrize("half_width", [0.4, 2.6])
-def test_arcs_in_every_direction(backend, dtype, half_width):
-    """Lines and arcs of up to 1.6, alone and across the borders of tiles: no pixel is passed over."""
-    if backend == "reference":
-        pytest.skip("it is what the others are compared with")
+@functools.cache
+def arcs(dtype, half_width):
+    """Lines and arcs of up to 1.6, and their picture by the reference, once for all kernels."""
     g = torch.Generator().manual_seed(0)
     start = torch.pi * (2 * torch.rand(256, generator=g, dtype=torch.float64) - 1)
     turn = 3.2 * torch.rand(256, generator=g, dtype=torch.float64) - 1.6
@@ -62,23 +60,34 @@ def test_arcs_in_every_direction(backend, dtype, half_width):
     centers = 32 * torch.cartesian_prod(torch.arange(16), torch.arange(16)) + 12
     places = centers + 8 * torch.rand(256, 2, generator=g, dtype=torch.float64)
     strokes = strokes_at(arcs - arcs.mean(1, keepdim=True) + places[:, None], half_width=half_width, dtype=dtype)
-    expected, got = (draw(strokes, 512, which).alpha for which in ("reference", backend))
-    assert (got - expected).abs().max() < 1e-4
+    return strokes, draw(strokes, 512, "reference").alpha
 
 
-# Each of these has a pixel that goes wrong where ends are looked at in other places than the right ones.
-@pytest.mark.parametrize(("seed", "half_width"), [(0, 1.5), (24, 1.5), (9, 2.5), (7, 4.0)])
-def test_bends_that_come_near_twice_at_an_end(backend, seed, half_width):
-    """The end of a hook may be nearer than the bend before it by .01 px, over the same chord: 256 random ones."""
-    if backend == "reference":
-        pytest.skip("it is what the others are compared with")
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("half_width", [0.4, 2.6])
+def test_arcs_in_every_direction(kernels, dtype, half_width):
+    """Alone and across the borders of tiles: no pixel is passed over."""
+    strokes, expected = arcs(dtype, half_width)
+    assert (draw(strokes, 512, kernels).alpha - expected).abs().max() < 1e-4
+
+
+@functools.cache
+def hooks(seed, half_width):
+    """256 random ones, and their picture by the reference, once for all kernels."""
     g = torch.Generator().manual_seed(seed)
     hook = torch.tensor([[-5.0, 0.0], [2.0, 0.0], [4.0, 0.0], [4.0, 1.0]], dtype=torch.float64)
     hooks = hook + 0.5 * torch.randn(256, 4, 2, generator=g, dtype=torch.float64)
     tiles = 32 * torch.cartesian_prod(torch.arange(16), torch.arange(16)) + 16
     strokes = strokes_at(hooks + tiles[:, None], half_width=half_width)
-    expected, got = (draw(strokes, 512, which).alpha for which in ("reference", backend))
-    assert (got - expected).abs().max() < 1e-4
+    return strokes, draw(strokes, 512, "reference").alpha
+
+
+# Each of these has a pixel that goes wrong where ends are looked at in other places than the right ones.
+@pytest.mark.parametrize(("seed", "half_width"), [(0, 1.5), (24, 1.5), (9, 2.5), (7, 4.0)])
+def test_bends_that_come_near_twice_at_an_end(kernels, seed, half_width):
+    """The end of a hook may be nearer than the bend before it by .01 px, over the same chord."""
+    strokes, expected = hooks(seed, half_width)
+    assert (draw(strokes, 512, kernels).alpha - expected).abs().max() < 1e-4
 
 
 @pytest.mark.parametrize("shape", ["bend", "cusp", "loop", "there and back"])
