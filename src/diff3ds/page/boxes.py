@@ -18,8 +18,8 @@ from diff3ds.render.backends import for_kernels, kernels
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.
 THIN, LARGE = 5.0, 8.0
-# Long triangles are halved to find them until there are so many boxes. Speed only.
-MOST_BOXES = 1 << 19
+# Long triangles are halved until there are so many boxes a triangle, since boxes cost time, too. Speed only.
+MOST_BOXES = 1.25
 # So many pairs are looked at together: some hundred megabytes.
 MOST_PAIRS = 1 << 21
 # Grids are at most so much coarser than the finest, in powers of two; bits of a cell's number along an axis.
@@ -208,19 +208,18 @@ def _joined(parts: list[Index]) -> Index:
     return np.concatenate([np.zeros(0, np.int64), *parts])
 
 
-def slices(corners: Float[Array, "N 3 D"], most: int) -> tuple[Float[Array, "M D"], Float[Array, "M D"], Index]:
+def slices(corners: Float[Array, "N 3 D"]) -> tuple[Float[Array, "M D"], Float[Array, "M D"], Index]:
     """Boxes around parts of triangles: long ones are halved, so that their boxes are not much larger than they are.
 
     Args:
         corners: of the triangles.
-        most: halving ends at about so many boxes.
 
     Returns:
         Low and high corners of the boxes, and the triangle of each.
     """
     source = np.arange(len(corners))
     done: list[tuple[Array, Array, Index]] = []
-    count = len(corners)
+    count, most = len(corners), MOST_BOXES * len(corners)
     # Were all in one layer and of one size, each would be as large as this.
     spacing = max(float(np.ptp(x)) for x in corners.transpose(2, 0, 1)) / count**0.5 if count else 0.0
     while len(corners):

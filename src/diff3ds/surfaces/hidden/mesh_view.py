@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
-from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
+from diff3ds.page.boxes import BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
 from diff3ds.render.backends import for_kernels, kernels
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
@@ -29,7 +29,7 @@ class MeshView:
         self.above: Float[Array, " F"] = np.einsum("fi,fi->f", mesh.face_normals, toward)
         pixels, depths, face = _clipped(mesh, self.pixels, self.depths, picture)
         self._corners, self._depths, self._face = pixels, depths, face
-        low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
+        low, high, self._triangle = slices(pixels)
         middle = float(np.median(largest(high - low))) if len(low) else 1.0
         self._index = BoxIndex.of(low - BESIDE, high + BESIDE, middle)
         self._kept: dict[TriangleMesh, list[Tensor]] = {}

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int, Tensor
-from diff3ds.page.boxes import MOST_BOXES, all_of, slices
+from diff3ds.page.boxes import all_of, slices
 from diff3ds.render.backends import for_kernels, kernels
 from diff3ds.surfaces.shape.intersections import Seams
 from diff3ds.surfaces.shape.on_lines import index_of, on_segments
@@ -39,7 +39,7 @@ class Nearest:
         self._seam_faces = seam.faces[: len(seam.faces) if edges_first else 0]
         self._lines = np.concatenate([mesh.vertices[self._sharp], seam.points[seam.steps[: len(self._seam_faces)]]])
         self._edges = index_of(self._lines.min(1), self._lines.max(1), tolerance)
-        low, high, self._triangle = slices(mesh.vertices[mesh.faces], max(2 * len(mesh), MOST_BOXES))
+        low, high, self._triangle = slices(mesh.vertices[mesh.faces])
         self._faces = index_of(low, high, tolerance)
 
     @staticmethod
