@@ -109,6 +109,7 @@ def test_contours_are_called_by_their_faces(assembly):
     assert names[: len(solid.edges)] == solid.edges.names
 
 
+@pytest.mark.usefixtures("read_here")
 def test_outlines_of_a_cylinder_are_lines_on_it(tmp_path):
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
     from OCP.BRepTools import BRepTools
@@ -128,6 +129,7 @@ def test_outlines_of_a_cylinder_are_lines_on_it(tmp_path):
     torch.testing.assert_close(angle.abs(), torch.full_like(angle, 90), atol=0.5, rtol=0)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(("radius", "seams"), [(2.0, False), (2.5, True)])
 def test_a_shaft_that_fits_its_bore_has_no_seam_and_one_that_is_too_thick_has(tmp_path, radius, seams):
     from cad.solids import box, cut, cylinder

@@ -58,6 +58,7 @@ def test_world_widths_scale_with_the_sketch(tmp_path):
     assert ds.load(tmp_path / "b.json").width.item() == pytest.approx(1.0)
 
 
+@pytest.mark.usefixtures("read_here")
 @needs("OCP")
 @pytest.mark.parametrize(("unit", "millimetres"), [("mm", 1), ("cm", 10), ("m", 1000), ("in", 25.4), ("ft", 304.8)])
 def test_occt_reads_the_unit_of_a_step_file(unit, millimetres, source, tmp_path):

@@ -102,6 +102,7 @@ def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     assert lines.strokes(True).points[0, 0, 2] == pytest.approx(18, abs=0.2)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("options", "contours"), [([], False), pytest.param(["--strokes", "6"], True, marks=pytest.mark.slow)]
 )

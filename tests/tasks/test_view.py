@@ -387,6 +387,7 @@ def test_edits_that_are_not_saved_are_kept_beside_the_file(sketch, tmp_path):
         assert asked(server, f"/{server.secret}/autosave/{first}")[0].status == 404
 
 
+@pytest.mark.usefixtures("read_here")
 def test_other_formats_are_saved_beside_as_json(tmp_path):
     pytest.importorskip("OCP")
     ds.save(tmp_path / "part.step", lines(3))

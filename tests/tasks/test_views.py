@@ -78,6 +78,7 @@ def test_what_the_demo_writes(demo):
     assert (1 - drawn).sum() == pytest.approx(float((1 - target).sum()), rel=0.3)
 
 
+@pytest.mark.usefixtures("read_here")
 def test_step_holds_the_same_strokes(demo):
     pytest.importorskip("OCP", reason="reading STEP needs the extra cad")
     found, back = ds.load(demo / "sketch.json"), ds.load(demo / "sketch.step")
