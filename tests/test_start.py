@@ -1,5 +1,6 @@
 """The start and the end of the command `diff3ds`: Ctrl-C while it loads, and output that nobody reads or takes."""
 
+import json
 import os
 import subprocess
 import sys
@@ -92,18 +93,47 @@ AT_ONCE = [
 ]
 
 
-@pytest.mark.parametrize(("line", "code", "answer"), AT_ONCE)
-def test_what_needs_no_torch_is_answered_without_it(line, code, answer, tmp_path):
-    script = f"""
-import atexit, sys
-atexit.register(lambda: print("loaded", sorted({{"torch", "numpy", "scipy", "PIL"}} & set(sys.modules))))
-{START}
+# Each line in a fork of one process, which has loaded what every command loads first, and in a folder of its own.
+IN_FORKS = """
+import atexit, json, os, sys
+from diff3ds._start import main
+import diff3ds.cli
+
+codes = []
+for folder, words in json.loads(sys.argv[1]):
+    child = os.fork()
+    if not child:
+        break
+    codes.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+else:
+    print(json.dumps(codes))
+    sys.exit()
+os.chdir(folder)
+for number, name in ((1, "out"), (2, "err")):
+    os.dup2(os.open(f"{folder}.{name}", os.O_WRONLY | os.O_CREAT), number)
+sys.argv = ["diff3ds", *words]
+atexit.register(lambda: print("loaded", sorted({"torch", "numpy", "scipy", "PIL"} & set(sys.modules))))
+main()
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script, *line.split()], capture_output=True, text=True, cwd=tmp_path, timeout=300,
-        check=False,
-    )  # fmt: skip
-    assert done.returncode == code, done.stderr
-    assert answer in done.stdout + done.stderr
-    assert done.stdout.endswith("loaded []\n")
-    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory):
+    """Of each line its exit code, and the folder that it was run in."""
+    if not hasattr(os, "fork"):
+        pytest.skip("there are no forks here")
+    folders = {line: tmp_path_factory.mktemp("line") for line, _, _ in AT_ONCE}
+    jobs = json.dumps([(str(folder), line.split()) for line, folder in folders.items()])
+    done = subprocess.run([sys.executable, "-c", IN_FORKS, jobs], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return dict(zip(folders, zip(json.loads(done.stdout), folders.values(), strict=True), strict=True))
+
+
+@pytest.mark.parametrize(("line", "code", "answer"), AT_ONCE)
+def test_what_needs_no_torch_is_answered_without_it(line, code, answer, answers):
+    ended, folder = answers[line]
+    said, error = (folder.with_name(f"{folder.name}.{name}").read_text() for name in ("out", "err"))
+    assert ended == code, error
+    assert answer in said + error
+    assert said.endswith("loaded []\n")
+    assert not list(folder.iterdir())
