@@ -18,7 +18,34 @@ struct Cells {
     require(has_shape(this->reach, {views.count()}) && has_shape(centers, {count(), 3}), "reach must have shape (V,), cells (M, 3)");
   }
   size_t count() const { return centers.shape(0); }
-  void center(size_t cell, float *x) const { std::copy_n(centers.data() + 3 * cell, 3, x); }
+  // f(view, cell, match) of the cells that are not done, block after block of them and view after view, so that a processor works on several at once.
+  template <class Done, class F> void visit(Done &&done, F &&f) const {
+    constexpr size_t BLOCK = 64;
+    float x[3][BLOCK] = {}, column[BLOCK], row[BLOCK], depth[BLOCK];
+    for (size_t first = 0; first < count(); first += BLOCK) {
+      const size_t size = std::min(BLOCK, count() - first);
+      for (size_t k = 0; k < size; k++)
+        for (int d = 0; d < 3; d++) x[d][k] = float(centers.data()[3 * (first + k) + d]);
+      for (size_t view = 0; view < views.count(); view++) {
+        const float *p = views.projection.data() + 12 * view;
+        for (size_t k = 0; k < BLOCK; k++) {
+          depth[k] = p[8] * x[0][k] + p[9] * x[1][k] + p[10] * x[2][k] + p[11];
+          const float by = depth[k] == 0 ? 1e-12f : depth[k];
+          column[k] = (p[0] * x[0][k] + p[1] * x[1][k] + p[2] * x[2][k] + p[3]) / by;
+          row[k] = (p[4] * x[0][k] + p[5] * x[1][k] + p[6] * x[2][k] + p[7]) / by;
+        }
+        bool left = false;
+        for (size_t k = 0; k < size; k++) {
+          if (done(view, first + k)) continue;
+          left = true;
+          Views<float>::Match at;
+          at.column = column[k], at.row = row[k], at.depth = depth[k];
+          f(view, first + k, views.matched(view, at));
+        }
+        if (!left) break;
+      }
+    }
+  }
   bool passed(size_t view, const Views<float>::Match &match) const {
     const float depth = std::max(match.depth, 1e-9f);
     return match.ridge >= 0 && match.square * (depth * depth) < reach.data()[view];
@@ -33,36 +60,29 @@ Out<bool> py_confirmed(const nb::tuple &tables, nb::object reach, nb::object cen
   Buffer<bool> out(M);
   {
     nb::gil_scoped_release nogil;
-    for (size_t cell = 0; cell < M; cell++) {
-      float x[3];
-      cells.center(cell, x);
-      int missing = least;
-      // Until it is known.
-      for (int view = 0; view < V && missing > 0 && missing <= V - view; view++) missing -= cells.passed(view, cells.views.match(view, x));
-      out.get()[cell] = missing <= 0;
-    }
+    std::vector<int> missing(M, least);
+    // Until it is known.
+    cells.visit([&](size_t view, size_t cell) { return missing[cell] <= 0 || missing[cell] > V - int(view); },
+                [&](size_t view, size_t cell, const auto &match) { missing[cell] -= cells.passed(view, match); });
+    for (size_t cell = 0; cell < M; cell++) out.get()[cell] = missing[cell] <= 0;
   }
   return array(std::move(out), {M});
 }
 
-// For each cell the sum over views of what a ridge that passes it says, or one that does not, at the pixel where the cell appears.
-Out<float> py_odds(const nb::tuple &tables, nb::object reach, nb::object centers, nb::object passed, nb::object missed) {
+// For each cell the sum over views of what it says at the pixel where the cell appears that no ridge passes it, or that one does.
+Out<float> py_odds(const nb::tuple &tables, nb::object reach, nb::object centers, nb::object said) {
   const Cells cells(tables, reach, centers);
-  const In<float> yes(passed), no(missed);
+  const In<float> says(said);
   const size_t M = cells.count(), V = cells.views.count(), P = cells.views.pixels();
-  require(has_shape(yes, {V, P}) && has_shape(no, {V, P}), "passed and missed must have shape (V, H * W)");
+  require(has_shape(says, {V, P, 2}), "what is said must have shape (V, H * W, 2)");
   Buffer<float> out(M);
   {
     nb::gil_scoped_release nogil;
-    for (size_t cell = 0; cell < M; cell++) {
-      float x[3], odds = 0;
-      cells.center(cell, x);
-      for (size_t view = 0; view < V; view++) {
-        const auto match = cells.views.match(view, x);
-        if (match.ridge >= 0) odds += (cells.passed(view, match) ? yes : no).data()[view * P + match.pixel];
-      }
-      out.get()[cell] = odds;
-    }
+    std::fill_n(out.get(), M, 0.0f);
+    cells.visit([](size_t, size_t) { return false; },
+                [&](size_t view, size_t cell, const auto &match) {
+                  if (match.ridge >= 0) out.get()[cell] += says.data()[2 * (view * P + match.pixel) + cells.passed(view, match)];
+                });
   }
   return array(std::move(out), {M});
 }
@@ -162,7 +182,7 @@ Out<bool> py_crowded(nb::object asked, nb::object by, nb::object pixels, nb::obj
 
 void bind(nb::module_ &m) {
   m.def("edges_confirmed", &py_confirmed, "tables"_a, "reach"_a, "centers"_a, "least"_a);
-  m.def("edges_odds", &py_odds, "tables"_a, "reach"_a, "centers"_a, "passed"_a, "missed"_a);
+  m.def("edges_odds", &py_odds, "tables"_a, "reach"_a, "centers"_a, "said"_a);
   m.def("edges_settled", &py_settled, "tables"_a, "planes"_a, "points"_a, "directions"_a.none(), "sigma"_a, "within"_a, "tilt"_a, "rounds"_a,
         "damping"_a, "longest"_a);
   m.def("edges_cut", &py_cut, "points"_a, "places"_a, "scatter"_a, "stray"_a, "rise"_a, "prices"_a, "arcs"_a, "settled"_a, "even"_a,

@@ -35,8 +35,9 @@ template <class S> struct Views {
     found.column = h[0] / by, found.row = h[1] / by, found.depth = h[2];
     return found;
   }
-  Match match(size_t view, const S *x) const {
-    Match found = project(view, x);
+  Match match(size_t view, const S *x) const { return matched(view, project(view, x)); }
+  // With the ridge nearest to where it appears.
+  Match matched(size_t view, Match found) const {
     const S column = found.column, row = found.row;
     const size_t height = nearest.shape(1), width = nearest.shape(2), R = ridges.shape(1);
     if (!(found.depth > 0 && column >= 0 && row >= 0 && column < S(width) && row < S(height))) return found;

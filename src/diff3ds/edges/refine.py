@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Tensor, UInt8
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves
@@ -81,7 +82,7 @@ def refined(
         report: called with the steps done and the loss.
     """
     shown = _Shown(views, curves, _orders(len(views), steps, seed))
-    targets = torch.stack(side_by_side(lambda view: _as_bytes(draw_ridges(views, view)), len(views), len(views)))
+    targets = _targets(views)
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
         target = targets[shown.batch(step)].to(rendering.alpha.dtype) / 255
@@ -93,6 +94,15 @@ def refined(
         sketch = done.sketch
         report(done.index + 1, done.loss)
     return curves.moved(sketch.points)
+
+
+def _targets(views: EdgeViews) -> UInt8[Tensor, "V H W"]:
+    """The ridges of all views drawn, 255 where there is a line; kept with the views, which are looked at again."""
+    kept = views.__dict__.get("_targets")
+    if kept is None:
+        drawn = side_by_side(lambda view: _as_bytes(draw_ridges(views, view)), len(views), len(views))
+        kept = views.__dict__["_targets"] = torch.stack(drawn)
+    return cast(Tensor, kept)
 
 
 def _orders(views: int, steps: int, seed: int) -> Tensor:

@@ -80,26 +80,27 @@ def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: 
         return cells
     radius = HALF_DIAGONAL * side
 
-    def chances(view: int) -> list[Float[NDArray[np.float32], " P"]]:
+    def chances(view: int) -> Float[NDArray[np.float32], "P 2"]:
+        """What a view says at each pixel of a cell that no ridge passes there, and of one that a ridge passes."""
         chance = chance_near(views, view, radius / views.pixel).ravel()
         one = np.ones_like(chance, bool)
-        return [told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (one, ~one)]
+        both = [told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (~one, one)]
+        return np.stack(both, 1)
 
-    of_views = np.array(side_by_side(chances, len(views), len(views)))
+    said = np.stack(side_by_side(chances, len(views), len(views)))
     reach = (radius * views.focal) ** 2
     kernel = getattr(kernels(), "edges_odds", None)
-    said = [torch.from_numpy(np.ascontiguousarray(of_views[:, k])) for k in range(2)] if kernel else []
     # In pieces, so that no array leaves the processor's cache.
     pieces = np.array_split(cells, len(cells) // (8 * CHUNK) + 1)
 
     def odds_of(piece: int) -> Float[NDArray[np.float32], " K"]:
         if kernel:
-            return np.asarray(kernel(views.single, torch.from_numpy(reach), torch.from_numpy(pieces[piece]), *said))
+            return np.asarray(kernel(views.single, *(torch.from_numpy(x) for x in (reach, pieces[piece], said))))
         odds = np.zeros(len(pieces[piece]), np.float32)
-        for view, (passed, missed) in enumerate(of_views):
+        for view in range(len(views)):
             off, depth, place = views.nearby(view, pieces[piece])
             near = off * np.maximum(depth, 1e-9) ** 2 < reach[view]
-            odds += np.where(np.isfinite(off), np.where(near, passed.take(place), missed.take(place)), 0)
+            odds += np.where(np.isfinite(off), said[view].reshape(-1).take(2 * place + near), 0)
         return odds
 
     odds = np.concatenate(in_copies(odds_of, len(pieces), len(pieces)))
