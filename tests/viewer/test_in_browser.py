@@ -113,7 +113,9 @@ SCENES = {
 
 def looks_as(browser, image, sketch, azimuth=30.0, elevation=20.0, **lens):
     """As `render` draws it: each stroke by itself, ink where there is some, and colours."""
-    camera = framed(sketch, azimuth, elevation, size=tuple(image.shape[:2]), **lens)
+    # A picture of a canvas whose height is no whole number of pixels, as fonts may make it, has a row less.
+    size = browser.value("[document.querySelector('canvas').height, document.querySelector('canvas').width]")
+    camera = framed(sketch, azimuth, elevation, size=tuple(size), **lens)
     picture = drawn(sketch, image, azimuth, elevation, **lens)
     assert max(strokes_off(browser, sketch, camera), default=0) < STROKE
     assert ink_apart(image[INSIDE], picture[INSIDE]) == 0
