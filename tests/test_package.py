@@ -112,6 +112,11 @@ def _tree(path: Path) -> ast.Module:
 
 
 @functools.cache
+def _nodes(path: Path) -> list[ast.AST]:
+    return list(ast.walk(_tree(path)))
+
+
+@functools.cache
 def _imports(path: Path) -> set[str]:
     """Modules of this package that a file imports, anywhere in it, for type checkers too, and those that it names.
 
@@ -119,8 +124,8 @@ def _imports(path: Path) -> set[str]:
     program that is run (`-m`) is none.
     """
     found, programs = set(), set()
-    for node in ast.walk(_tree(path)):
-        if isinstance(node, ast.List) and any(ast.unparse(each) == "'-m'" for each in node.elts):
+    for node in _nodes(path):
+        if isinstance(node, ast.List) and any(getattr(each, "value", None) == "-m" for each in node.elts):
             programs |= set(map(id, node.elts))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in programs:
             found |= {node.value} & (MODULES.keys() - {"diff3ds"})
@@ -146,33 +151,46 @@ def _run(script: str, *arguments: str) -> str:
 # Imports
 
 
-def test_import_needs_torch_and_numpy_only():
-    script = """
+IMPORT = """
 import json, sys
-import torch, numpy
-before = {name.split(".")[0] for name in sys.modules}
-import diff3ds
-[getattr(diff3ds, name) for name in diff3ds.__all__]
-after = {name.split(".")[0] for name in sys.modules}
-loaded = [name for name in sys.modules if name.startswith("diff3ds.")]
-print(json.dumps([sorted(after - before - set(sys.stdlib_module_names)), loaded]))
-"""
-    added, loaded = json.loads(_run(script))
-    assert added == ["diff3ds"]
-    assert not {"cli", "edges"} & {_part(name) for name in loaded}
+def packages():
+    return {name.split(".")[0] for name in sys.modules} - set(sys.stdlib_module_names)
 
+before = packages()
 
-def test_the_public_names_come_when_they_are_used():
-    script = """
-import json, sys
 import diff3ds as ds
-early = "torch" in sys.modules
+early = sorted(packages() - before)
 listed = [name for name in ds.__all__ if name not in dir(ds)]
+import torch, numpy
+before |= packages() - {"diff3ds"}
 import diff3ds.optimize.fit, diff3ds.project, diff3ds.render  # modules do not take the functions' places
 missing = [name for name in ds.__all__ if not hasattr(ds, name)]
-print(json.dumps([early, listed, missing, callable(ds.fit), callable(ds.project), callable(ds.render)]))
+print(json.dumps({
+    "early": early,
+    "late": sorted(packages() - before),
+    "loaded": [name for name in sys.modules if name.startswith("diff3ds.")],
+    "listed": listed,
+    "missing": missing,
+    "functions": [callable(ds.fit), callable(ds.project), callable(ds.render)],
+}))
 """
-    assert json.loads(_run(script)) == [False, [], [], True, True, True]
+
+
+@pytest.fixture(scope="module")
+def imported() -> dict:
+    """What a fresh process has loaded before and after all public names are asked for."""
+    return json.loads(_run(IMPORT))
+
+
+def test_import_needs_torch_and_numpy_only(imported):
+    assert imported["late"] == ["diff3ds"]
+    assert not {"cli", "edges"} & {_part(name) for name in imported["loaded"]}
+
+
+def test_the_public_names_come_when_they_are_used(imported):
+    assert imported["early"] == ["diff3ds"]
+    assert imported["listed"] == imported["missing"] == []
+    assert imported["functions"] == [True, True, True]
 
 
 def test_the_allowed_arrows_point_one_way():
@@ -199,14 +217,19 @@ def test_no_module_imports_itself_in_a_circle():
     graphlib.TopologicalSorter(graph).prepare()
 
 
+def _called(call: ast.Call) -> str:
+    """The name of what is called, without what it belongs to."""
+    return getattr(call.func, "attr", getattr(call.func, "id", ""))
+
+
 def test_modules_are_imported_by_their_names_in_full():
     """What is put together from parts, no one can follow: a name for `import_module` is a whole string.
 
     But for the public names, which a table in the package's own file has, each checked where they are used.
     """
     for module, path in MODULES.items():
-        for node in ast.walk(_tree(path)):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module") and module != "diff3ds":
+        for node in _nodes(path):
+            if isinstance(node, ast.Call) and module != "diff3ds" and _called(node) == "import_module":
                 assert not re.match("f?.diff3ds", ast.unparse(node.args[0])) or isinstance(node.args[0], ast.Constant)
 
 
@@ -242,7 +265,7 @@ def test_nothing_is_unpickled():
     for module, path in MODULES.items():
         if module == "diff3ds.parallel.in_copies":
             continue
-        for node in ast.walk(_tree(path)):
+        for node in _nodes(path):
             where = f"{path}, line {getattr(node, 'lineno', 0)}"
             # What torch raises has no other name.
             if (

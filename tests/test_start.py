@@ -35,7 +35,9 @@ def test_ctrl_c_while_it_loads_ends_it_without_a_word(module):
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["doctor"], ["views", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], ["views", "--help"], pytest.param(["doctor"], marks=pytest.mark.slow)]
+)
 def test_output_that_nobody_reads_ends_it_as_shells_expect(arguments):
     reader, writer = os.pipe()
     os.close(reader)

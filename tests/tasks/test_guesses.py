@@ -75,27 +75,32 @@ def test_what_is_no_kind_is_not_taken():
         assert len(found.guesses) == 3
 
 
-def test_a_path_and_all_kinds_of_arrays_are_the_same_picture(tmp_path):
+def test_a_path_and_all_kinds_of_arrays_are_the_same_picture(tmp_path, monkeypatch):
+    """The same lines, to the last bit, are asked about."""
     gray = by_hand(HOUSE)
     Image.fromarray(gray).save(tmp_path / "a.png")
+    assert ds.recognise(gray > 127).guesses[0].kind == "house"
+    monkeypatch.setattr("diff3ds.recognition.recognise.recognise", lambda lines: lines)
     expected = ds.recognise(tmp_path / "a.png")
     color = np.repeat(gray[..., None], 3, 2)
     alpha = np.concatenate([color, np.full_like(gray, 255)[..., None]], 2)
     pictures = [str(tmp_path / "a.png"), gray, gray[..., None], color, alpha, torch.from_numpy(color.copy()),
                 gray / 255, torch.from_numpy(gray / 255).requires_grad_()]  # fmt: skip
     for picture in pictures:
-        assert ds.recognise(picture) == expected
-    assert ds.recognise(gray > 127).guesses[0].kind == "house"
+        lines = ds.recognise(picture)
+        assert lines.kind == expected.kind
+        for name in ("points", "tangents", "colors"):
+            np.testing.assert_array_equal(getattr(lines, name), getattr(expected, name))
 
 
 def test_the_same_for_any_number_of_threads():
     before, found = torch.get_num_threads(), []
-    for threads in (1, 2, 3):
+    for threads in (1, 3):
         torch.set_num_threads(threads)
         found.append(ds.recognise(by_hand(MUG)))
         assert torch.get_num_threads() == threads
     torch.set_num_threads(before)
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize(
@@ -210,6 +215,7 @@ def asked(answer: str, tmp_path, monkeypatch) -> str:
     return shown.getvalue()
 
 
+@pytest.mark.usefixtures("few_members")
 def test_on_a_terminal_one_is_asked(tmp_path, monkeypatch):
     second = ds.recognise(by_hand(CAT)).guesses[1]
     shown = asked("2", tmp_path, monkeypatch)
@@ -221,6 +227,7 @@ def test_on_a_terminal_one_is_asked(tmp_path, monkeypatch):
     assert info["shows"] == second.caption
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_phrase_is_an_answer_and_nothing_is_none(tmp_path, monkeypatch):
     asked("a windmill", tmp_path, monkeypatch)
     info = json.loads((tmp_path / "out" / "run.json").read_text())["options"]

@@ -76,6 +76,7 @@ def test_lines_of_a_picture_have_its_colours():
         )
 
 
+@pytest.mark.usefixtures("few_members")
 def test_the_sketch_of_a_coloured_drawing_has_its_colours(tmp_path):
     path = tmp_path / "house.png"
     common = ["--shows", "a house", "--steps", "2", "--sheet-every", "0", "--quiet", "--overwrite", "-o", str(tmp_path)]

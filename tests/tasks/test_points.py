@@ -40,7 +40,7 @@ def test_a_box_far_from_the_origin_has_twelve_edges_where_it_is(tmp_path):
 
 
 def test_rounded_edges_are_named_by_their_radius_and_drawn_once_or_by_tangent_lines(tmp_path):
-    inner = np.clip(x := _box(9000) * [30, 20, 10], -np.array([28.5, 18.5, 8.5]), [28.5, 18.5, 8.5])
+    inner = np.clip(x := _box(5000) * [30, 20, 10], -np.array([28.5, 18.5, 8.5]), [28.5, 18.5, 8.5])
     np.save(tmp_path / "box.npy", inner + 1.5 * (x - inner) / np.linalg.norm(x - inner, axis=1, keepdims=True))
     sketch = ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
     told = json.loads((tmp_path / "run" / "run.json").read_text())["edges"]
@@ -55,7 +55,7 @@ def test_rounded_edges_are_named_by_their_radius_and_drawn_once_or_by_tangent_li
 
 
 def test_a_cloud_without_edges_says_what_it_is(tmp_path):
-    x = np.random.default_rng(0).normal(size=(2000, 3))
+    x = np.random.default_rng(0).normal(size=(1000, 3))
     np.save(tmp_path / "ball.npy", 7 * x / np.linalg.norm(x, axis=1, keepdims=True))
     with pytest.raises(ValueError, match=r"no edge was found: 100% of it is 1 sphere"):
         ds.points_to_sketch(tmp_path / "ball.npy")

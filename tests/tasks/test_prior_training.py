@@ -168,8 +168,8 @@ def test_a_disk_that_fills_up_during_a_training_is_said(tmp_path, monkeypatch):
 
 def test_workers_change_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.21, 0.39))
-    alone = train_prior(tmp_path / "alone", TrainOptions(steps=3, **TINY))
-    helped = train_prior(tmp_path / "helped", TrainOptions(steps=3, **(TINY | {"workers": 1})))
+    alone = train_prior(tmp_path / "alone", TrainOptions(steps=2, **TINY))
+    helped = train_prior(tmp_path / "helped", TrainOptions(steps=2, **(TINY | {"workers": 1})))
     first, second = read_network(alone)[0].state_dict(), read_network(helped)[0].state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
 
@@ -177,8 +177,8 @@ def test_workers_change_nothing(tmp_path, monkeypatch):
 def test_threads_change_nothing(tmp_path, monkeypatch):
     """A batch of three parts, the last one smaller."""
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.21, 0.39))
-    alone = train_prior(tmp_path / "alone", TrainOptions(steps=3, threads=1, **(TINY | {"batch": 10})))
-    helped = train_prior(tmp_path / "helped", TrainOptions(steps=3, threads=3, **(TINY | {"batch": 10})))
+    alone = train_prior(tmp_path / "alone", TrainOptions(steps=2, threads=1, **(TINY | {"batch": 10})))
+    helped = train_prior(tmp_path / "helped", TrainOptions(steps=2, threads=3, **(TINY | {"batch": 10})))
     first, second = read_network(alone)[0].state_dict(), read_network(helped)[0].state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
 

@@ -270,6 +270,7 @@ def test_the_run_says_what_was_recognised(run, chair):
     assert (run / "lines.png").exists()
 
 
+@pytest.mark.usefixtures("few_members")
 def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
     main(["image", str(chair), "-o", str(tmp_path), "--steps", "1", "--no-redraw"])
     said = " ".join(capsys.readouterr().err.split())
@@ -277,6 +278,7 @@ def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
     assert "recognised: a chair with armrests (" in said
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_run_goes_on_with_what_it_recognised(chair, tmp_path):
     arguments = [
         "image",

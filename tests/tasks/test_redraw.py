@@ -122,6 +122,7 @@ def test_all_is_found_where_a_member_is_there_and_little_else():
     assert not redrawing.is_found(scribbles)
 
 
+@pytest.mark.usefixtures("few_members")
 def test_the_descent_ends_there_unless_its_steps_were_asked_for(tmp_path):
     done = []
     for name, steps in (("a", None), ("b", 105)):
@@ -144,6 +145,7 @@ def test_so_many_steps_find_the_whole_thing(name):
     assert float(chord_lengths(sketch).sum()) == pytest.approx(float(chord_lengths(join_smooth(alike).sketch).sum()))
 
 
+@pytest.mark.usefixtures("few_members")
 def test_the_command_draws_again_unless_told_not_to(tmp_path):
     few = ["--steps", "40", "--strokes", "60", "--sheet-every", "0", "--quiet", "--prior", "exemplar"]
     main(["text", "a mug", "-o", str(tmp_path / "a"), *few])

@@ -48,7 +48,10 @@ def test_drawings_of_meshes_fill_their_pages(mesh):
     assert png_page(out / "preview.png")[0] == pytest.approx((148, 105), abs=0.05)
 
 
-@pytest.mark.parametrize(("page", "spacing"), [("A6", 4), ("A6", 2), ("A4", 4)])
+@pytest.mark.parametrize(
+    ("page", "spacing"),
+    [("A6", 4), pytest.param("A6", 2, marks=pytest.mark.slow), pytest.param("A4", 4, marks=pytest.mark.slow)],
+)
 def test_spacing_of_hatching_in_drawings_of_meshes_is_that_of_the_page(mesh, page, spacing):
     """Lines so far apart on paper are as long as the area that they fill over that, at any size of pictures."""
     how = ("--azimuth", "30", "--page", page, "--hatch", "light", "--tones", "1", "--spacing", f"{spacing}mm")

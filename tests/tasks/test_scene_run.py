@@ -22,6 +22,7 @@ def spec(phrase: str = PHRASE, prior: str = "exemplar", **output) -> RunSpec[Phr
     return RunSpec(Phrase(phrase), PriorOptions(prior), cameras=CameraOptions(size=32), descent=descent, output=options)
 
 
+@pytest.mark.usefixtures("few_members")
 def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     said: list[str] = []
     sketch = run_text(spec(), tmp_path / "run", say=said.append)
@@ -45,6 +46,7 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert not (tmp_path / "run/surface.glb").exists()
 
 
+@pytest.mark.usefixtures("few_members")
 def test_what_is_drawn_again_as_members_has_their_surface(tmp_path) -> None:
     """Boxes have corners where their strokes end, in the scene as in the things; a run over it leaves none."""
     drawn_again = replace(spec("a present on a house"), descent=DescentOptions(steps=30))

@@ -75,6 +75,7 @@ def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weig
     assert (whole / "sketch.json").read_bytes() == (part / "sketch.json").read_bytes()
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_picture_is_the_networks_reference(weights, tmp_path, capsys):
     mug = member("mug", torch.Generator().manual_seed(5)).sketch
     picture = tmp_path / "mug.png"
@@ -122,6 +123,7 @@ def test_the_network_of_the_package_knows_kinds_of_the_library(shipped):
     assert shipped.vocabulary.words == words(shipped.kinds)
 
 
+@pytest.mark.usefixtures("few_members")
 def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     for phrase, wrong, message in (
@@ -190,13 +192,13 @@ def shipped():
 def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
     """On members that it was not trained on, at much noise: right words help, wrong ones harm, and so on."""
     known = BuiltIn(shipped.kinds)
-    examples = [Examples(1_000_000, 16, known)[i] for i in range(16)]
+    examples = [Examples(1_000_000, 8, known)[i] for i in range(8)]
     batch = {name: torch.stack([example[name] for example in examples]) for name in examples[0]}
     network, vocabulary = shipped.network, shipped.vocabulary
     clean = (batch["views"] - vocabulary.mean) / vocabulary.spread
     noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(0))
     kept = SCHEDULE.alpha_bars[850]
-    noisy, time = kept.sqrt() * clean + (1 - kept).sqrt() * noise, torch.full((16,), 0.85)
+    noisy, time = kept.sqrt() * clean + (1 - kept).sqrt() * noise, torch.full((8,), 0.85)
 
     @torch.no_grad()
     def error(words=batch["words"], cameras=batch["cameras"], *reference):

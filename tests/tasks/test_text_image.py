@@ -29,8 +29,8 @@ from tiny_zero123 import save_zero123
 
 pytestmark = needs("diffusers", "transformers", "ftfy")
 
-STEPS = 6
-QUICK = ["--steps", str(STEPS), "--strokes", "5", "--width", "0.05", "--radius", "0.7", "--sheet-every", "3", "--quiet"]
+STEPS = 4
+QUICK = ["--steps", str(STEPS), "--strokes", "5", "--width", "0.05", "--radius", "0.7", "--sheet-every", "2", "--quiet"]
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +80,8 @@ PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "sta
     ("prior", "method"),
     [
         ("mvdream", None),
-        ("zero123", "vsd"),
         *(pytest.param(prior, None, marks=pytest.mark.slow) for prior in PRIORS if prior != "mvdream"),
-        pytest.param("mvdream", "vsd", marks=pytest.mark.slow),
+        *(pytest.param(prior, "vsd", marks=pytest.mark.slow) for prior in ("mvdream", "zero123")),
     ],
 )
 def test_a_run_resumed_half_way_ends_as_one_without_a_break(
@@ -106,13 +105,13 @@ def test_a_run_resumed_half_way_ends_as_one_without_a_break(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        # Comes after step 3.
+        # Comes after step 2.
         patch.setattr(distillation, "contact_sheet", interrupt)
         with pytest.raises(SystemExit) as ended:
             main(command(prior, checkpoints, drawing, part, *more))
     assert ended.value.code == STOPPED
     assert "what was reached is written, --resume goes on" in capsys.readouterr().err
-    assert json.loads((part / "run.json").read_text())["steps_done"] == 3
+    assert json.loads((part / "run.json").read_text())["steps_done"] == 2
     assert not same(whole, part)
     main(command(prior, checkpoints, drawing, part, "--resume", *more))
     assert same(whole, part)
@@ -130,7 +129,10 @@ def test_before_the_first_step_there_is_nothing_to_resume(checkpoints, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("prior", "found"), [("mvdream", "mvdream"), ("stable-diffusion", "stable-diffusion")])
+@pytest.mark.parametrize(
+    ("prior", "found"),
+    [pytest.param("mvdream", "mvdream", marks=pytest.mark.slow), ("stable-diffusion", "stable-diffusion")],
+)
 def test_weights_alone_say_which_prior_they_are(prior, found, checkpoints, tmp_path):
     main(["text", "a chair", "--prior", str(checkpoints[prior]), "-o", str(tmp_path / "named"), *QUICK])
     assert json.loads((tmp_path / "named" / "run.json").read_text())["options"]["prior"] == found
@@ -255,10 +257,10 @@ def test_a_disk_that_fills_up_ends_in_one_line(checkpoints, tmp_path, monkeypatc
     assert "Traceback" not in said
 
 
-@pytest.mark.parametrize("prior", ["mvdream", "stable-diffusion"])
+@pytest.mark.parametrize("prior", [pytest.param("mvdream", marks=pytest.mark.slow), "stable-diffusion"])
 def test_networks_draw_scenes_thing_by_thing(prior, checkpoints, drawing, tmp_path, capsys):
     """Each thing is a prompt of its own; with --whole, or with words that the library lacks, the phrase is one."""
-    arguments = command(prior, checkpoints, drawing, tmp_path / "out", "--steps", "2")
+    arguments = command(prior, checkpoints, drawing, tmp_path / "out", "--steps", "1")
     arguments[1] = "an old table with a mug on it and two red chairs"
     main([argument for argument in arguments if argument != "--quiet"])
     said = "'an old table', 'a mug', 'a red chair': drawn one after the other, then placed"
@@ -312,9 +314,9 @@ def test_a_negative_phrase_that_would_be_ignored_is_refused(checkpoints, drawing
 
 
 def test_what_was_loaded_is_recorded_and_a_resumed_run_has_the_same(checkpoints, drawing, tmp_path, capsys):
-    arguments = command("mvdream", checkpoints, drawing, tmp_path / "run", "--steps", "1")
+    arguments = command("stable-diffusion", checkpoints, drawing, tmp_path / "run", "--steps", "1")
     main([*arguments, "--precision", "bfloat16"])
-    weights = str(checkpoints["mvdream"])
+    weights = str(checkpoints["stable-diffusion"])
     network = json.loads((tmp_path / "run" / "run.json").read_text())["network"]
     assert network == {"weights": weights, "device": "cpu", "precision": "bfloat16"}
     said = fails([*arguments, "--resume"], capsys)
@@ -391,7 +393,7 @@ def test_wrong_input_is_refused_before_any_file_is_written(checkpoints, drawing,
 
 
 def test_a_run_is_not_lost(checkpoints, drawing, tmp_path, capsys):
-    arguments = command("mvdream", checkpoints, drawing, tmp_path, "--steps", "1")
+    arguments = command("stable-diffusion", checkpoints, drawing, tmp_path, "--steps", "1")
     main(arguments)
     before = (tmp_path / "run.json").read_bytes()
     assert "holds a run" in fails(arguments, capsys)

@@ -128,7 +128,7 @@ def test_colored_pictures(colored):
 def test_one_seed_gives_one_file(colored):
     files = []
     for name in ("a", "b"):
-        main(["views", str(colored), "-o", str(colored / name), "--strokes", "20", "--steps", "40", "--quiet"])
+        main(["views", str(colored), "-o", str(colored / name), "--strokes", "20", "--steps", "10", "--quiet"])
         files.append((colored / name / "sketch.json").read_bytes())
     assert files[0] == files[1]
 

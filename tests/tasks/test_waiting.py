@@ -122,7 +122,12 @@ def test_steps_with_the_small_prior_and_a_known_view(device, tmp_path):
     [
         ("mvdream", "reconstruction"),
         ("zero123", "sds"),
-        *(("stable diffusion, turned away", method) for method in ("csd", "nfsd", "asd", "ism", "sdi")),
+        ("stable diffusion, turned away", "nfsd"),
+        ("stable diffusion, turned away", "sdi"),
+        *(
+            pytest.param("stable diffusion, turned away", method, marks=pytest.mark.slow)
+            for method in ("csd", "asd", "ism")
+        ),
         ("stable diffusion", "vsd"),
     ],
 )
