@@ -147,12 +147,13 @@ def subcurve_matrix(start: Float[Tensor, "*B"], stop: Float[Tensor, "*B"], degre
     All entries are non-negative for parameters in [0, 1]: the cut loses no digits.
     """
     rows: list[Tensor] = []
+    before, beyond = 1 - start, 1 - stop
     for i in range(degree + 1):
         row = [torch.ones_like(start)]
         for k in range(degree):
-            t = stop if k < i else start
-            inner = [one * t + other * (1 - t) for one, other in pairwise(row)]
-            row = [row[0] * (1 - t), *inner, row[-1] * t]
+            s, t = (beyond, stop) if k < i else (before, start)
+            inner = [one * t + other * s for one, other in pairwise(row)]
+            row = [row[0] * s, *inner, row[-1] * t]
         rows += row
     return torch.stack(rows, -1).reshape(*start.shape, degree + 1, degree + 1)
 

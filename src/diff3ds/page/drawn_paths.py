@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -76,8 +77,10 @@ def drawn_paths(
     pieces = screen_pieces(strokes, view, size, tolerance if centerline else _CURVE * tolerance)
     pieces = on_page(pieces, size)
     if centerline or not ordered:
-        shown = torch.unique(pieces.stroke).tolist()
-        parts = [Part(pieces.rows(pieces.stroke == stroke), (False, False)) for stroke in shown]
+        # They are in the order of the strokes.
+        counts = torch.unique_consecutive(pieces.stroke, return_counts=True)[1]
+        ends = [0, *counts.cumsum(0).tolist()]
+        parts = [Part(pieces.rows(slice(*ends_of)), (False, False)) for ends_of in pairwise(ends)]
     else:
         parts = painting_order(strokes, view, pieces)
     # A path to stroke would end round where it is cut, and hide what it should not.
@@ -96,10 +99,10 @@ def drawn_paths(
     ]
     filled = outlines(ways, _BORDER * tolerance)
     colors, opacities = strokes.color.double().clamp(0, 1).tolist(), strokes.opacity.tolist()
-    found = []
+    found, scale = [], page.scale
     for (pieces, _), line in zip(parts, lined, strict=True):
         stroke = int(pieces.stroke[0])
-        width = 2 * float(pieces.points[..., 2].mean()) * page.scale if line else None
+        width = 2 * float(pieces.points[..., 2].mean()) * scale if line else None
         opacity = 1.0 if centerline else opacities[stroke]
         r, g, b = colors[stroke]
         curves = [page.place(curve) for curve in (_centre_line(pieces) if line else next(filled))]

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.parts import cut_sketch
-from diff3ds.parallel.in_copies import in_copies
 from diff3ds.sketch import PLAIN, Sketch
-from diff3ds.surfaces.draw import lines_for_pixels
+from diff3ds.surfaces.draw import Lines, lines_for_pixels
 from diff3ds.surfaces.hidden.visibility import FOR_MEASURES
 from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
 from diff3ds.surfaces.shape.coarse import without_specks
@@ -71,7 +70,13 @@ def choose_strokes(
     """
     cameras = sides_and_corners(mesh)
     targets, found, whose = [], [features.to(torch.float64)], [*kinds]
+
+    def drawn(lines: Lines, view: int) -> tuple[LinePoints, Sketch]:
+        contours = without_specks(lines.strokes(True, "contour"), SHORT * mesh.size)
+        return points_along(lines.strokes(True), lines.cameras), contours
+
     drawings = lines_for_pixels(
+        drawn,
         features.to(torch.float64),
         cameras,
         mesh,
@@ -79,14 +84,20 @@ def choose_strokes(
         kinds=kinds,
         told=lambda done: report(done, 2 * len(cameras)),
     )
-    for lines in drawings:
-        targets.append(points_along(lines.strokes(True), lines.cameras))
-        contours = without_specks(lines.strokes(True, "contour"), SHORT * mesh.size)
+    for target, contours in drawings:
+        targets.append(target)
         found.append(contours)
         whose += ["contour"] * len(contours)
     candidates = Sketch.concatenate([sketch.detach().replace(**PLAIN, opacity=1.0) for sketch in found])
     shows, false = [], np.zeros(len(candidates))
+
+    def compared(lines: Lines, view: int) -> tuple[Bool[Mask, "N P"], Float[Array, " N"]]:
+        parts = lines.parts[lines.parts.visible]
+        seen, owner = cut_sketch(candidates, parts.segment, parts.start, parts.stop)
+        return _compared(targets[view], points_along(seen, lines.cameras, owner), len(candidates))
+
     tries = lines_for_pixels(
+        compared,
         candidates,
         cameras,
         mesh,
@@ -95,13 +106,7 @@ def choose_strokes(
         told=lambda done: report(len(cameras) + done, 2 * len(cameras)),
     )
 
-    def compared(view: int) -> tuple[Bool[Mask, "N P"], Float[Array, " N"]]:
-        lines = tries[view]
-        parts = lines.parts[lines.parts.visible]
-        seen, owner = cut_sketch(candidates, parts.segment, parts.start, parts.stop)
-        return _compared(targets[view], points_along(seen, lines.cameras, owner), len(candidates))
-
-    for shown, wrong in in_copies(compared, len(cameras), len(cameras)):
+    for shown, wrong in tries:
         shows.append(shown)
         false += wrong
     weights = np.concatenate([target.weight for target in targets])

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
 import torch
 
+from diff3ds._shapes import Index, Int
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.page.chords import chords_of
@@ -66,11 +68,16 @@ class Lines:
         """The visible or the hidden strokes, of one kind or all; gradients flow to the sketch."""
         return cut_sketch(self.sketch, *self._chosen(visible, kind))[0]
 
+    @cached_property
+    def _seen(self) -> tuple[Sketch, Int[Index, " R"]]:
+        """The visible strokes, and the row in `sketch` of each."""
+        return cut_sketch(self.sketch, *self._chosen(True, None))
+
     def drawn(self, hidden: Hidden) -> Sketch:
         """What is drawn: visible strokes, and hidden ones as `ds.render` says."""
         if hidden == "show":
             return self.sketch
-        seen = self.strokes(True)
+        seen, _ = self._seen
         if hidden == "drop":
             return seen
         if hidden == "faint":
@@ -85,7 +92,7 @@ class Lines:
         """Of each stroke of `drawn` its row in `sketch`, and whether it is seen; where all are drawn whole, each is."""
         if hidden == "show":
             return [(row, True) for row in range(len(self.sketch))]
-        seen = [(row, True) for row in cut_sketch(self.sketch, *self._chosen(True, None))[1].tolist()]
+        seen = [(row, True) for row in self._seen[1].tolist()]
         if hidden == "drop":
             return seen
         cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
@@ -139,7 +146,7 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     _check(surface)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
-    return _each_view(surface, cameras, None, True, lambda seen: seen.lines, tolerance)
+    return _each_view(surface, cameras, None, True, lambda seen, view: seen.lines, tolerance)
 
 
 def _each_view(
@@ -147,7 +154,7 @@ def _each_view(
     cameras: Cameras,
     sketch: Sketch | None,
     contours: bool,
-    take: Callable[[MeshSeen | QuadricsSeen], Result],
+    take: Callable[[MeshSeen | QuadricsSeen, int], Result],
     tolerance: float = TOLERANCE,
     told: Callable[[int], None] = lambda done: None,
     care: Care = EXACT,
@@ -157,14 +164,14 @@ def _each_view(
     They are looked at side by side, but with gradients, which no copy of this process could give back.
     """
     if isinstance(surface, Quadrics):
-        return side_by_side(lambda view: take(QuadricsSeen(surface, cameras, view)), len(cameras), 1, told)
+        return side_by_side(lambda view: take(QuadricsSeen(surface, cameras, view), view), len(cameras), 1, told)
     drawn = Drawn.by(Sketch(torch.zeros(0, 4, 3)) if sketch is None else sketch, surface)
     gradients = surface.points.requires_grad and torch.is_grad_enabled()
 
     def look(view: int) -> Result:
         # Other threads do not know what the caller's wants.
         with torch.set_grad_enabled(gradients):
-            return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn, care))
+            return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn, care), view)
 
     copies = 1 if gradients else max(1, LOOKING // (PER_FACE * len(surface)))
     if copies > 1:
@@ -207,10 +214,13 @@ def visible_lines(
     Raises:
         TypeError, ValueError: another surface, or kinds that are not one a stroke.
     """
-    return _lines(sketch, cameras, surface, kinds, contours, _hatch_from(hatch), told)
+    looked = _Looked.of(sketch, cameras, surface, kinds, contours, _hatch_from(hatch))
+    found = _each_view(surface, cameras, looked.sketch, contours, looked.look, told=told)
+    return [looked.lines(view, each) for view, each in enumerate(found)]
 
 
 def lines_for_pixels(
+    take: Callable[[Lines, int], Result],
     sketch: Sketch,
     cameras: Cameras,
     surface: Surface,
@@ -220,50 +230,84 @@ def lines_for_pixels(
     contours: bool = True,
     hatch: Hatch | None = None,
     told: Callable[[int], None] = lambda done: None,
-) -> list[Lines]:
-    """As `visible_lines`, found less exactly, since they are seen or measured in pictures of pixels."""
-    return _lines(sketch, cameras, surface, kinds, contours, hatch, told, care)
+) -> list[Result]:
+    """What is taken from the lines of a view and its number, as `visible_lines` finds them, in the copies that do so.
+
+    They are found less exactly, since they are seen or measured in pictures of pixels.
+    """
+    looked = _Looked.of(sketch, cameras, surface, kinds, contours, hatch)
+
+    def taken(seen: MeshSeen | QuadricsSeen, view: int) -> Result:
+        return take(looked.lines(view, looked.look(seen, view)), view)
+
+    return _each_view(surface, cameras, looked.sketch, contours, taken, told=told, care=care)
 
 
-def _lines(
-    sketch: Sketch,
-    cameras: Cameras,
-    surface: Surface,
-    kinds: Sequence[str] | None,
-    contours: bool,
-    hatch: Hatch | None,
-    told: Callable[[int], None],
-    care: Care = EXACT,
-) -> list[Lines]:
-    _check(surface)
-    named = tuple(kind or STROKE for kind in sketch.kinds or ("",) * len(sketch)) if kinds is None else tuple(kinds)
-    if len(named) != len(sketch):
-        raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
-    rows = list(range(len(sketch)))
-    if contours and kinds is None and CONTOUR in named:
-        # Outlines that were fitted for all sides: each view has its own.
-        rows = [i for i, kind in enumerate(named) if kind != CONTOUR]
-        sketch, named = sketch[rows], tuple(named[i] for i in rows)
+# What a view shows: the parts of a sketch; the surface's own lines, what they are, and their parts; lines of tone.
+_Found = tuple[Parts, Sketch, tuple[str, ...], Parts | None, Sketch | None]
 
-    def look(seen: MeshSeen | QuadricsSeen) -> tuple[Parts, Sketch, tuple[str, ...], Parts | None, Sketch | None]:
-        own = seen.line_parts() if contours and len(seen.lines) else None
-        return seen.parts(sketch), seen.lines, seen.kinds, own, None if hatch is None else seen.hatching(hatch)
 
-    lines = []
-    found = _each_view(surface, cameras, sketch, contours, look, told=told, care=care)
-    for view, (parts, own_lines, own_kinds, own_parts, tone) in enumerate(found):
-        whole, all_kinds = sketch, named
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """What is looked for in views.
+
+    Attributes:
+        sketch: the strokes that views show.
+        named: what each is.
+        rows: their numbers in the sketch that was given.
+        cameras: the views.
+        contours: whether the surface's own contours are looked for.
+        hatch: lines of tone.
+    """
+
+    sketch: Sketch
+    named: tuple[str, ...]
+    rows: list[int]
+    cameras: Cameras
+    contours: bool
+    hatch: Hatch | None
+
+    @staticmethod
+    def of(
+        sketch: Sketch,
+        cameras: Cameras,
+        surface: Surface,
+        kinds: Sequence[str] | None,
+        contours: bool,
+        hatch: Hatch | None,
+    ) -> "_Looked":
+        """As `visible_lines`."""
+        _check(surface)
+        named = tuple(kind or STROKE for kind in sketch.kinds or ("",) * len(sketch)) if kinds is None else tuple(kinds)
+        if len(named) != len(sketch):
+            raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
+        rows = list(range(len(sketch)))
+        if contours and kinds is None and CONTOUR in named:
+            # Outlines that were fitted for all sides: each view has its own.
+            rows = [i for i, kind in enumerate(named) if kind != CONTOUR]
+            sketch, named = sketch[rows], tuple(named[i] for i in rows)
+        return _Looked(sketch, named, rows, cameras, contours, hatch)
+
+    def look(self, seen: MeshSeen | QuadricsSeen, view: int) -> _Found:
+        """What a view shows."""
+        own = seen.line_parts() if self.contours and len(seen.lines) else None
+        tone = None if self.hatch is None else seen.hatching(self.hatch)
+        return seen.parts(self.sketch), seen.lines, seen.kinds, own, tone
+
+    def lines(self, view: int, found: _Found) -> Lines:
+        """The lines of a view."""
+        parts, own_lines, own_kinds, own_parts, tone = found
+        whole, all_kinds = self.sketch, self.named
         if own_parts is not None:
-            whole = Sketch.concatenate([sketch, _drawn_like(own_lines, sketch)])
-            parts = Parts.concatenate(parts, own_parts, len(sketch.points))
-            all_kinds = (*named, *own_kinds)
+            whole = Sketch.concatenate([whole, _drawn_like(own_lines, whole)])
+            parts = Parts.concatenate(parts, own_parts, len(self.sketch.points))
+            all_kinds = (*all_kinds, *own_kinds)
         if tone is not None and len(tone):
             parts = Parts.concatenate(parts, Parts.whole(len(tone.points)), len(whole.points))
-            whole = Sketch.concatenate([whole, _as_wide(tone, sketch, cameras[view])])
+            whole = Sketch.concatenate([whole, _as_wide(tone, self.sketch, self.cameras[view])])
             all_kinds = (*all_kinds, *(HATCHING,) * len(tone))
-        numbers = (*rows, *[-1] * (len(whole) - len(rows)))
-        lines.append(Lines(whole.replace(kinds=all_kinds), all_kinds, parts, cameras[view], numbers))
-    return lines
+        numbers = (*self.rows, *[-1] * (len(whole) - len(self.rows)))
+        return Lines(whole.replace(kinds=all_kinds), all_kinds, parts, self.cameras[view], numbers)
 
 
 def draw(

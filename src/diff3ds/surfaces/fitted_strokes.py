@@ -60,8 +60,8 @@ def fit_strokes(
         The strokes as they were, but for their control points; float64.
     """
     cameras = all_around(mesh, VIEWS)
-    seen = lines_for_pixels(features, cameras, mesh, FOR_MEASURES)
-    drawings = [_Drawing(lines.strokes(True), lines.cameras) for lines in seen]
+    seen = lines_for_pixels(lambda lines, view: lines.strokes(True), features, cameras, mesh, FOR_MEASURES)
+    drawings = [_Drawing(strokes, cameras[view]) for view, strokes in enumerate(seen)]
     low, high = mesh.bounds
     frame = Frame(torch.from_numpy((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
     start, views = frame.from_world(strokes), frame.cameras(cameras)

@@ -43,9 +43,12 @@ class Labelled:
 
 def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
     """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
-    label, current = _swept(samples, list(forms))
+    costs: dict[Form, Array] = {}
+    label, current = _swept(samples, list(forms), costs)
     for change in (_merged, _needed, _of_best_kinds, _refitted, _needed, _refitted, _true):
-        label, current = _swept(samples, change(samples, label, current))
+        changed = change(samples, label, current)
+        costs = {one: cost for one, cost in costs.items() if one in changed}
+        label, current = _swept(samples, changed, costs)
     return Labelled(current, label)
 
 
@@ -72,27 +75,34 @@ def spread(samples: Samples, label: Int[Index, " N"], reach: float) -> Int[Index
     return out
 
 
-def _swept(samples: Samples, forms: list[Form]) -> tuple[Int[Index, " N"], list[Form]]:
+def _swept(samples: Samples, forms: list[Form], costs: dict[Form, Array]) -> tuple[Int[Index, " N"], list[Form]]:
     """The labels that cost least: distances from forms, turns of normals, and neighbours with other labels.
 
     Without pieces of a form that are too small to say that it is there, and without forms that have no other.
+
+    Args:
+        costs: of all samples on forms, as far as they are known; others are added.
     """
     if not forms:
         return np.full(len(samples), NONE), forms
     third = within(samples) / 3
-    cost = np.empty((len(samples), len(forms) + 1), np.float32)
-    for k, one in enumerate(forms):
-        distance, cosine = one.measured(samples.points, samples.normals)
-        turn = (1 - np.minimum(np.abs(cosine), 1)) / (1 - np.cos(ALIKE))
-        cost[:, k] = np.minimum((distance / third) ** 2 + TURNED * turn, 60)
-    cost[:, -1] = 9 + TURNED
+    for one in forms:
+        if one not in costs:
+            distance, cosine = one.measured(samples.points, samples.normals)
+            turn = (1 - np.minimum(np.abs(cosine), 1)) / (1 - np.cos(ALIKE))
+            costs[one] = np.minimum((distance / third) ** 2 + TURNED * turn, 60).astype(np.float32)
+    none = np.full(len(samples), 9 + TURNED, np.float32)
+    cost = np.stack([*(costs[one] for one in forms), none], 1)
     graph = samples.graph
     degree = np.maximum(np.asarray(graph.sum(1)).ravel(), 1)[:, None]
     label = cost.argmin(1)
     for _ in range(SWEEPS):
         ones = np.zeros(cost.shape, np.float32)
         ones[np.arange(len(label)), label] = 1
-        changed = (cost - TOGETHER * (graph @ ones) / degree).argmin(1)
+        shared = graph @ ones
+        shared *= TOGETHER
+        shared /= degree
+        changed = np.subtract(cost, shared, out=shared).argmin(1)
         if (changed == label).all():
             break
         label = changed

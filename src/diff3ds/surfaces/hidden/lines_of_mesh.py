@@ -78,24 +78,16 @@ class MeshSeen:
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
-        own = [part for c, ahead in zip(found, self._ahead(found), strict=True) for part in _parts_of(c, ahead)]
+        own = _parts_of(found, self._picture.seen(_points_of(found))[1] > self._picture.near)
         if mesh.specks > 0:
             own = [chain for chain in own if chain.length > mesh.specks]
         if mesh.beside > 0:
-            along = drawn.run_along(own, mesh.beside)
-            own = [part for c, on in zip(own, along, strict=True) for part in _parts_of(c, ~on)]
+            own = _parts_of(own, ~drawn.run_along(own, mesh.beside))
             own = [c for c in own if c.closed or c.length > mesh.beside]
         self._fit_contours(own, tolerance or 1.0)
         self._seams = _fitted_seams(Seams.of(mesh), ~drawn.seams, self._picture, tolerance)
         self.lines = Sketch.concatenate([self._contours, self._seams]) if len(self._seams) else self._contours
         self.kinds = ("contour",) * len(self._contours) + ("intersection",) * len(self._seams)
-
-    def _ahead(self, chains: list[Chain]) -> list[Bool[Mask, " M"]]:
-        """Which points of chains lie in front of the near plane."""
-        if not chains:
-            return []
-        ahead = self._picture.seen(np.concatenate([c.points for c in chains]))[1] > self._picture.near
-        return np.split(ahead, np.cumsum([len(c.points) for c in chains])[:-1])
 
     def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
         # Closed chains come back to their first point.
@@ -266,18 +258,16 @@ class Drawn:
         seams = along_chords(seam.points[seam.steps].mean(1), chords, mesh.near)
         return Drawn(creases_along(mesh, chords), seams, chords)
 
-    def run_along(self, chains: list[Chain], distance: float) -> list[Bool[Mask, " M"]]:
+    def run_along(self, chains: list[Chain], distance: float) -> Bool[Mask, " M"]:
         """Which points of contours lie within a distance of strokes that go their way, but for short runs of others."""
-        if not chains:
-            return []
-        points = np.concatenate([c.points for c in chains])
-        ways = np.concatenate(
-            [unit(np.gradient(c.points, axis=0)) if len(c.points) > 1 else np.zeros_like(c.points) for c in chains]
-        )
+        points = _points_of(chains)
+        first, chain = _firsts_of(chains)
+        rows = np.arange(len(points))
+        before, after = np.maximum(rows - 1, first[chain]), np.minimum(rows + 1, first[chain + 1] - 1)
+        # As of `np.gradient`, chain by chain.
+        ways = unit((points[after] - points[before]) / np.maximum(after - before, 1)[:, None])
         along = along_chords(points, self.chords, distance, ways)
-        counts = np.array([len(c.points) for c in chains])
-        even = evened(along, np.ones(len(along)), LEAST_RUN, np.repeat(np.arange(len(chains)), counts))
-        return np.split(even, np.cumsum(counts)[:-1])
+        return evened(along, np.ones(len(along)), LEAST_RUN, chain)
 
 
 def prepare(mesh: TriangleMesh, with_strokes: bool) -> None:
@@ -339,16 +329,42 @@ def _bends(chains: list[Chain], least: int) -> Bool[Mask, " S"]:
     return evened(convex, np.ones(len(convex)), least, number, closed)
 
 
-def _parts_of(chain: Chain, kept: Bool[Mask, " M"]) -> list[Chain]:
-    """The parts of a chain of which some points are kept."""
+def _points_of(chains: list[Chain]) -> Float[Array, "M 3"]:
+    """The points of all chains, one after the other."""
+    return np.concatenate([np.zeros((0, 3)), *(c.points for c in chains)])
+
+
+def _firsts_of(chains: list[Chain]) -> tuple[Int[Index, " C_1"], Int[Index, " M"]]:
+    """Where each chain begins among the points of all, and where the last one ends; the chain of each point."""
+    counts = np.array([len(c.points) for c in chains], np.int64)
+    return np.append(0, np.cumsum(counts)), np.repeat(np.arange(len(chains)), counts)
+
+
+def _parts_of(chains: list[Chain], kept: Bool[Mask, " M"]) -> list[Chain]:
+    """The parts of chains of which some points are kept, of all of them; parts of a closed one are open."""
     if kept.all():
-        return [chain]
+        return chains
+    first, chain = _firsts_of(chains)
+    whole = np.bincount(chain, ~kept, len(chains)) == 0
     # A closed one is opened where it is not kept.
-    count = len(chain.points)
-    turn = int((~kept).argmax()) if chain.closed else 0
-    rows = (np.arange(count) + turn) % count
-    parts = []
-    for run in np.split(rows, np.flatnonzero(np.diff(kept[rows].astype(int))) + 1):
-        if kept[run[0]] and len(run) > 1:
-            parts.append(Chain(chain.points[run], chain.own[run], chain.convex[run[:-1]], False))
-    return parts
+    lost = np.flatnonzero(~kept)
+    broken, place = np.unique(chain[lost], return_index=True)
+    turn = np.zeros(len(chains), np.int64)
+    turn[broken] = (lost[place] - first[broken]) * np.array([chains[row].closed for row in broken])
+    local = (np.arange(len(chain)) - first[chain] + turn[chain]) % np.diff(first)[chain]
+    rows = first[chain] + local
+    points, own = _points_of(chains)[rows], np.concatenate([c.own for c in chains])[rows]
+    # An open chain has no step from its last point, with which a part ends at any rate.
+    steps = np.array([len(c.convex) for c in chains], np.int64)
+    before = np.cumsum(steps) - steps
+    convex = np.concatenate([c.convex for c in chains])[before[chain] + np.minimum(local, steps[chain] - 1)]
+    fresh = np.append(True, (chain[1:] != chain[:-1]) | (kept[rows[1:]] != kept[rows[:-1]]))
+    start = np.flatnonzero(fresh)
+    stop = np.append(start[1:], len(rows))
+    some = kept[rows[start]] & (whole[chain[start]] | (stop - start > 1))
+    return [
+        chains[row] if all_of_it else Chain(points[a:b], own[a:b], convex[a : b - 1], False)
+        for row, all_of_it, a, b in zip(
+            *(column[some].tolist() for column in (chain[start], whole[chain[start]], start, stop)), strict=True
+        )
+    ]

@@ -158,6 +158,7 @@ def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int
     other[leaving[double]], other[leaving[double + 1]] = leaving[double + 1], leaving[double]
     # How each goes on; -1 where its last node has not just two steps.
     onwards = other[np.arange(len(whose)) ^ 1].tolist()
+    nodes_of = whose.tolist()
     seen = bytearray(len(ends))
 
     def walk(way: int) -> tuple[list[int], list[int], bool]:
@@ -167,10 +168,11 @@ def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int
             run.append(way)
             way = onwards[way]
             if way < 0:
-                here = whose[run[-1] ^ 1]
+                here = nodes_of[run[-1] ^ 1]
                 ways = leaving[first[here] : first[here + 1]].tolist()
                 way = next((way for way in ways if not seen[way >> 1]), -1)
-        nodes = [*whose[run].tolist(), int(whose[run[-1] ^ 1])]
+        nodes = [nodes_of[way] for way in run]
+        nodes.append(nodes_of[run[-1] ^ 1])
         closed = nodes[-1] == nodes[0]
         return nodes[:-1] if closed else nodes, [way >> 1 for way in run], closed
 

@@ -131,15 +131,13 @@ class MeshViews:
             report(Progress("turntable", done, count, None, len(self.features)))
 
         def seen(strokes: Sketch, cameras: Cameras, hatch: Hatch | None) -> list[Sketch]:
-            views = lines_for_pixels(strokes, cameras, shown, contours=options.contours, hatch=hatch, told=told)
-
-            def drawn(view: int) -> Sketch:
-                all_of_it = self._drawn(views[view])
+            def drawn(lines: Lines, view: int) -> Sketch:
+                all_of_it = self._drawn(lines)
                 if len(shown) == len(self.mesh):
                     return all_of_it
                 return without_specks(all_of_it, 3 * self.mesh.size / FINE_CELLS)
 
-            return in_copies(drawn, len(views), len(views))
+            return lines_for_pixels(drawn, strokes, cameras, shown, contours=options.contours, hatch=hatch, told=told)
 
         strokes = seen(self.features, cameras, None)
         cameras, widen = filled(cameras, options.page.fit or "page", ink_boxes(strokes))

@@ -102,9 +102,10 @@ class Scene:
         surface, contours = smooth_for_pictures(self.surface, max(cameras.size)), self.hiding.contours
         if self.picture.turntable is None:
             views = visible_lines(sketch, cameras, surface, contours=contours, hatch=hatch)
-        else:
-            views = lines_for_pixels(sketch, cameras, surface, contours=contours, hatch=hatch)
-        return [self._shown(lines) for lines in views]
+            return [self._shown(lines) for lines in views]
+        return lines_for_pixels(
+            lambda lines, view: self._shown(lines), sketch, cameras, surface, contours=contours, hatch=hatch
+        )
 
     def _shown(self, lines: Lines) -> Shown:
         hidden = self.hiding.hidden or "drop"
