@@ -1,5 +1,7 @@
 """The start and the end of the command `diff3ds`: Ctrl-C while it loads, and output that nobody reads or takes."""
 
+import gc
+import importlib
 import json
 import os
 import subprocess
@@ -7,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from diff3ds.command_line.interrupt import importing
 
 START = "from diff3ds._start import main; main()"
 # Ctrl-C comes when the module that is named first is looked for.
@@ -139,3 +143,25 @@ def test_what_needs_no_torch_is_answered_without_it(line, code, answer, answers)
     assert answer in said + error
     assert said.endswith("loaded []\n")
     assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_nothing_looks_for_garbage_while_something_large_is_imported(enabled, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    name = f"large_{enabled}"
+    (tmp_path / f"{name}.py").write_text("import gc\nenabled = gc.isenabled()\nkept = [[] for _ in range(1000)]\n")
+    was, frozen = gc.isenabled(), gc.get_freeze_count()
+    (gc.enable if enabled else gc.disable)()
+    try:
+        with importing():
+            large = importlib.import_module(name)
+        assert not large.enabled
+        assert gc.isenabled() == enabled
+        assert gc.get_freeze_count() >= frozen + len(large.kept)
+        frozen = gc.get_freeze_count()
+        with importing():
+            importlib.import_module(name)
+        assert gc.get_freeze_count() <= frozen
+    finally:
+        (gc.enable if was else gc.disable)()
+        gc.unfreeze()

@@ -1,5 +1,6 @@
 """Entry point of the command `diff3ds`: what holds from the first moment on, before anything large is imported."""
 
+import gc
 import os
 import sys
 from contextlib import suppress
@@ -23,6 +24,8 @@ def main() -> None:
             for stream in (sys.stdout, sys.stderr):
                 if stream is not None:
                     stream.flush()
+            # On its way out Python looks through all that there is for garbage, with PyTorch for half a second.
+            gc.freeze()
     except KeyboardInterrupt:
         _quit(STOPPED)
     except BrokenPipeError:
