@@ -22,7 +22,7 @@ from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.related_circles import with_related_circles
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.drawn.whole_lines import likelier, likely, whole_lines
-from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.evidence.bias import Bias, all_outline_sides, corrected, estimate_bias
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
@@ -36,7 +36,6 @@ from diff3ds.edges.measure.offsets import PART_SCATTER
 from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.edges.refine import refined
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, not_said
-from diff3ds.parallel.in_copies import in_copies
 
 # [px; empirical] Shortest curve, and that of the second look.
 SHORTEST, SHORTEST_HIDDEN = 2.8, 8.0
@@ -124,7 +123,7 @@ def reconstruct(
     showing = sum(len(ridge) > 0 for ridge in ridges)
     if not showing:
         raise NoEdgesError(NOTHING)
-    sides = in_copies(lambda view: outline_sides(ridges[view], cameras.size), len(ridges), len(ridges))
+    sides = all_outline_sides(ridges, cameras.size)
     scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped, faint)
     reached = reached or nothing_yet()
     while reached.stage < CALIBRATED:

@@ -17,7 +17,7 @@ from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing, some_samples
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import NUMBERS, Posed
-from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
+from diff3ds.edges.evidence.bias import Bias, all_outline_sides, corrected
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import inliers
@@ -104,7 +104,7 @@ def agreement_of(cameras: Cameras, ridges: Sequence[Ridges], curves: Curves, bia
         curves: by these cameras, not none.
         bias: of the ridges.
     """
-    sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
+    sides = all_outline_sides(ridges, cameras.size)
     views = edge_views(cameras, corrected(ridges, sides, bias))
     found = agreement(Posed.of(cameras), views, LensEffect.fixed(np.concatenate(sides)), curves)
     return np.where([len(ridge) > 0 for ridge in ridges], found, np.nan)

@@ -6,6 +6,8 @@ of radius r moves with the normal: e = d . n + r. Such an outline also passes fo
 along the surface, so that the normals hardly spread; an edge is seen from a quarter of all directions or more.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import polyline_length
 from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers, owners, samples
+from diff3ds.parallel.in_copies import in_copies
 
 # [px, standard deviations; measured] The section's radius that tells an outline, pixels, and how many standard
 # deviations it has to be from zero: between those of 396 edges and 55 outlines of generated objects, as is the spread
@@ -34,6 +37,8 @@ FIFTH_TURN = 0.138
 # [views, px, rounds; empirical] Views of a part that say anything, residual in pixels that counts half, rounds of
 # reweighting.
 FEWEST, SCATTER, ROUNDS = 10, 0.5, 8
+# [curves; speed] So many are worth a copy of the process.
+A_COPY = 40
 
 
 def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bool[Tensor, " N"]:
@@ -50,11 +55,19 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
     owner = owners(curves)
     each = [np.nonzero(owner == i)[0] for i in range(len(curves))]
-    found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
+
+    def wander(which: Sequence[int], shown: Bool[NDArray[np.bool_], "V M"]) -> list[bool]:
+        asked = [each[i] for i in which]
+        return in_copies(
+            lambda k: _wanders(shown[:, asked[k]], normals[:, asked[k]], offsets[:, asked[k]], doubt),
+            len(asked),
+            max(1, len(asked) // A_COPY),
+        )
+
+    found = np.array(wander(range(len(each)), shown), bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
     clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown & found[owner])
-    for i in np.nonzero(found)[0].tolist():
-        found[i] = _wanders(clear[:, each[i]], normals[:, each[i]], offsets[:, each[i]], doubt)
+    found[found] = wander(np.nonzero(found)[0].tolist(), clear)
     length = np.array([polyline_length(x[i]) for i in each]) / views.pixel
     least = np.where(length < CHANCE, SPREAD, LEAST_SPREAD)
     possible = _spread(match.distance < OUTSIDE, unit(np.cross(x - views.centers[:, None], tangents)), owner)

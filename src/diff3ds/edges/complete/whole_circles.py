@@ -25,6 +25,7 @@ from diff3ds.edges.measure.fit_ridges import (
 )
 from diff3ds.edges.measure.holes import ALIKE, SHALLOWEST
 from diff3ds.edges.watch import Tick, no_tick
+from diff3ds.parallel.in_copies import in_copies
 
 # [points; empirical] Sample points all around a circle: those of other proposals would lie far apart on a large one.
 FINE = 60
@@ -48,6 +49,8 @@ LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
 # [px, circles; empirical] The other end of a hole is looked for along its axis in such steps, and tried at so many
 # heights; its radius and axis are known already.
 STEP, TRIES = 2.0, 2
+# [circles; speed] So many are fitted side by side, before what was found says which others need not be.
+TOGETHER = 16
 
 
 def closed(
@@ -70,16 +73,23 @@ def closed(
     points = sampled(curves)
     found: list[Circle] = []
     starts = list(_starts(curves, points, views.pixel))
-    for done, (start, members) in enumerate(starts):
+
+    def tried(starts: list[Circle]) -> list[Circle | None]:
+        def one(k: int) -> Circle | None:
+            likely = _promising(starts[k], views, min_views) and (chance is None or _evident(starts[k], chance))
+            return _whole(starts[k], views, min_views, outward) if likely else None
+
+        return in_copies(one, len(starts), len(starts))
+
+    for done in range(0, len(starts), TOGETHER):
         tick(done, len(starts))
-        if not free[list(members)].all() or not _promising(start, views, min_views):
-            continue
-        if chance is not None and not _evident(start, chance):
-            continue
-        circle = _whole(start, views, min_views, outward)
-        if circle is not None:
-            free &= ~along(circle, points, views.pixel)
-            found.append(circle)
+        some = [
+            (start, list(members)) for start, members in starts[done : done + TOGETHER] if free[list(members)].all()
+        ]
+        for circle, (_, members) in zip(tried([start for start, _ in some]), some, strict=True):
+            if circle is not None and free[members].all():
+                free &= ~along(circle, points, views.pixel)
+                found.append(circle)
     for twin in _twins([*curves.circles.values(), *found], views, min_views, outward):
         free &= ~along(twin, points, views.pixel)
         found.append(twin)
@@ -108,17 +118,31 @@ def _twins(circles: list[Circle], views: EdgeViews, min_views: float, outward: f
     """Circles of the same radius and axis: the other end of a hole or shaft, which fewer views show."""
     known = list(circles)
     fewer = AGAIN * min_views
-    for circle in circles:
+
+    def is_known(circle: Circle) -> bool:
+        return any(_is_near(circle, other, views.pixel) for other in known)
+
+    def proposed(circle: Circle) -> list[Circle]:
+        """The same circle at other heights, those first that the views show most of."""
         at = _along_axis(circle, views.pixel)
         fractions = _fractions_shown(at, views, SHOWN * fewer)
         around = np.concatenate([[0.0], fractions, [0.0]])
         tops = np.nonzero((fractions >= COVERED) & (fractions >= around[:-2]) & (fractions > around[2:]))[0]
-        far = [k for k in tops if not any(_is_near(at[k], other, views.pixel) for other in known)]
-        for k in sorted(far, key=lambda k: -fractions[k])[:TRIES]:
-            twin = _whole(at[k], views, fewer, outward)
+        return [at[k] for k in sorted(tops, key=lambda k: -fractions[k])]
+
+    starts = in_copies(lambda i: proposed(circles[i]), len(circles), len(circles))
+    # What is tried unless twins found before are the same.
+    first = [
+        (i, k) for i, at in enumerate(starts) for k in [k for k, one in enumerate(at) if not is_known(one)][:TRIES]
+    ]
+    tried = in_copies(lambda n: _whole(starts[first[n][0]][first[n][1]], views, fewer, outward), len(first), len(first))
+    fitted = dict(zip(first, tried, strict=True))
+    for i, circle in enumerate(circles):
+        for k in [k for k, one in enumerate(starts[i]) if not is_known(one)][:TRIES]:
+            twin = fitted[i, k] if (i, k) in fitted else _whole(starts[i][k], views, fewer, outward)
             if twin is None or abs(twin.radius - circle.radius) > ALIKE * circle.radius:
                 continue
-            if not any(_is_near(twin, other, views.pixel) for other in known):
+            if not is_known(twin):
                 known.append(twin)
     return known[len(circles) :]
 

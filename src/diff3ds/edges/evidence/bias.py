@@ -5,8 +5,9 @@ to one. Neither shows in a single view, but no 3D curve meets such ridges in all
 leave the least disagreement, with every 3D sample free to move, are the detector's.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import crowded, inliers, samples
+from diff3ds.parallel.in_copies import in_copies
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [rounds, px, px; empirical] Rounds of reweighting, and the residuals that count half in the first and the last of
 # them. Few fit at the end: an edge beside an outline, taken for it, always lies on its inner side.
@@ -58,6 +61,15 @@ def outline_sides(ridges: Ridges, size: tuple[int, int]) -> Float[Array, " M"]:
     gy, gx = np.gradient(depth)
     outward = -(gx[row, column] * ridges.normals[:, 0] + gy[row, column] * ridges.normals[:, 1])
     return np.where((depth[row, column] < OUTLINE) & (np.abs(outward) > 0.5), np.sign(outward), 0.0)
+
+
+def all_outline_sides(ridges: Sequence[Ridges], size: tuple[int, int]) -> list[Float[Array, " _"]]:
+    """`outline_sides` of every view; kept with the ridges, of which it is asked again at the end."""
+    new = [ridge for ridge in ridges if "_sides" not in ridge.__dict__]
+    found = in_copies(lambda k: outline_sides(new[k], size), len(new), len(new))
+    for ridge, sides in zip(new, found, strict=True):
+        ridge.__dict__["_sides"] = sides
+    return [ridge.__dict__["_sides"] for ridge in ridges]
 
 
 def _filled(row: NDArray[np.int64], column: NDArray[np.int64], size: tuple[int, int]) -> Bool[NDArray[np.bool_], "H W"]:
@@ -109,19 +121,34 @@ def _solved(offset: Array, explained: Array, moved: Array, agree: NDArray[np.boo
     bias = np.zeros(explained.shape[-1])
     shift = np.zeros_like(tangent)
     pull = ALONG * np.einsum("mi,mj->mij", tangent, tangent) + ACROSS * np.eye(3)
+    # Each component lies in a row: sums of each sample over the views are three times as fast.
+    rows, by = (np.ascontiguousarray(np.moveaxis(values, -1, 0)) for values in (moved, explained))
     for turn in range(ROUNDS):
         residual = offset - explained @ bias - np.einsum("vmk,mk->vm", moved, shift)
         scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
         weight = agree / (1 + (residual / scatter) ** 2)
-        own = np.linalg.inv(np.einsum("vm,vmi,vmj->mij", weight, moved, moved) + pull)
-        mixed = np.einsum("vm,vmi,vmk->mik", weight, moved, explained)
-        right = np.einsum("vm,vmi,vm->mi", weight, moved, offset)
-        left = np.einsum("vm,vmk,vml->kl", weight, explained, explained)
+        left, scatter, mixed, right, whole = _at_once(
+            partial(np.einsum, "vm,vmk,vml->kl", weight, explained, explained),
+            partial(_of_samples, weight * rows, rows),
+            partial(_of_samples, weight * rows, by),
+            partial(_of_samples, weight * rows, offset[None]),
+            partial(np.einsum, "vm,vmk,vm->k", weight, explained, offset),
+        )
+        own, right = np.linalg.inv(scatter + pull), right[..., 0]
         left = left - np.einsum("mik,mij,mjl->kl", mixed, own, mixed)
-        whole = np.einsum("vm,vmk,vm->k", weight, explained, offset) - np.einsum("mik,mij,mj->k", mixed, own, right)
+        whole = whole - np.einsum("mik,mij,mj->k", mixed, own, right)
         bias = np.linalg.lstsq(left, whole, rcond=None)[0]
         shift = np.einsum("mij,mj->mi", own, right - np.einsum("mik,k->mi", mixed, bias))
     return bias
+
+
+def _at_once(*sums: Callable[[], Array]) -> list[Array]:
+    return side_by_side(lambda k: sums[k](), len(sums), len(sums))
+
+
+def _of_samples(a: Float[Array, "I V M"], b: Float[Array, "J V M"]) -> Float[Array, "M I J"]:
+    """Of each sample the sums over the views of all products of components."""
+    return np.stack([np.stack([(one * other).sum(0) for other in b], -1) for one in a], 1)
 
 
 def corrected(ridges: Sequence[Ridges], sides: Sequence[Float[Array, " _"]], bias: Bias) -> list[Ridges]:

@@ -17,6 +17,7 @@ from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.curves.directions import dot, unit
 from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings, in_pieces
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [1; numerical] Directions of lines that are told apart. A ridge confirms lines up to 25 degrees from it: two of these
 # to either side.
@@ -54,7 +55,8 @@ class Chance:
         """The chances of all views that a ridge lies so near, pixels."""
         towards = unit(views.centers)
         beside = np.argsort(-(towards @ towards.T), axis=1, kind="stable")[:, 1 : BESIDE + 1]
-        return Chance(views, np.stack([_shares(views, view, near) for view in range(len(views))]), beside, near)
+        shares = side_by_side(lambda view: _shares(views, view, near), len(views), len(views))
+        return Chance(views, np.stack(shares), beside, near)
 
     def at(self, pixel: Float[Array, "V M 2"], heading: Float[Array, "V M 2"]) -> Float[Array, "V M"]:
         """The chance at pixels of lines with these directions, unit vectors."""
@@ -134,8 +136,10 @@ def _distances(views: EdgeViews, view: int) -> Float[Array, "H W"]:
     nearest = views.nearest[view]
     if not (nearest >= 0).any():
         return np.full(nearest.shape, np.inf)
-    row, column = np.mgrid[: nearest.shape[0], : nearest.shape[1]] + 0.5
-    return np.asarray(np.hypot(*(views.points[nearest] - np.stack([column, row], -1)).transpose(2, 0, 1)))
+    across, down = (axis.take(nearest) for axis in views.tables[2].numpy())
+    across -= np.arange(nearest.shape[1]) + 0.5
+    down -= (np.arange(nearest.shape[0]) + 0.5)[:, None]
+    return np.asarray(np.hypot(across, down))
 
 
 def _shares(views: EdgeViews, view: int, within: float) -> Float[NDArray[np.float32], "K R C"]:

@@ -10,6 +10,7 @@ from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings, spaced_samples
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [px; empirical] Spacing of the sample points of curves.
 APART = 0.5
@@ -24,7 +25,8 @@ def unexplained(views: EdgeViews, ridges: Sequence[Ridges], curves: Curves) -> l
     points, tangents, _ = spaced_samples(curves, APART * views.pixel)
     pixel = views.project(points)[0]
     ahead = headings(views, points, tangents, pixel)
-    return [ridge[~_passed(ridge, pixel[view], ahead[view])] for view, ridge in enumerate(ridges)]
+    passed = side_by_side(lambda view: _passed(ridges[view], pixel[view], ahead[view]), len(ridges), len(ridges))
+    return [ridge[~gone] for ridge, gone in zip(ridges, passed, strict=True)]
 
 
 def _passed(ridge: Ridges, pixel: Array, ahead: Array) -> NDArray[np.bool_]:
