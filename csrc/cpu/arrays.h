@@ -13,15 +13,16 @@ namespace stroke {
 struct Torch {
   nb::object dtype = name("dtype"), shape = name("shape"), data_ptr = name("data_ptr"), is_contiguous = name("is_contiguous"),
              is_neg = name("is_neg");
-  nb::object is_cpu = name("is_cpu"), float32, float64, int32, int64, boolean;
+  nb::object is_cpu = name("is_cpu"), float32, float64, int32, int64, uint8, boolean;
   static nb::object name(const char *text) { return nb::steal(PyUnicode_InternFromString(text)); }
   Torch() {
     const nb::module_ torch = nb::module_::import_("torch");
     float32 = torch.attr("float32"), float64 = torch.attr("float64"), int32 = torch.attr("int32"), int64 = torch.attr("int64"),
-    boolean = torch.attr("bool");
+    uint8 = torch.attr("uint8"), boolean = torch.attr("bool");
   }
   template <class S> const nb::object &dtype_of() const {
     if constexpr (std::is_same_v<S, bool>) return boolean;
+    else if constexpr (std::is_same_v<S, uint8_t>) return uint8;
     else if constexpr (std::is_same_v<S, int64_t>) return int64;
     else if constexpr (std::is_same_v<S, int32_t>) return int32;
     else return sizeof(S) == 4 ? float32 : float64;

@@ -25,7 +25,7 @@ from diff3ds.edges.reconstruct import (
     confirming,
     reconstruct,
 )
-from diff3ds.edges.refine import draw_ridges, refined
+from diff3ds.edges.refine import _missed, draw_ridges, refined
 from diff3ds.edges.watch import no_report, no_tick, not_said
 
 CAMERAS = around(20, 128)
@@ -53,6 +53,20 @@ def test_ridges_are_drawn_as_lines():
     # Within half a pixel all ink, beyond one and a half none.
     assert (drawn[away < 0.45] > 0.9).mean() > 0.99
     assert (drawn[away > 2.4] == 0).all()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_images_miss_is_a_mean_over_views(compiled, monkeypatch):
+    if not compiled:
+        monkeypatch.setattr("diff3ds.edges.refine.kernels", lambda: None)
+    generator = torch.Generator().manual_seed(5)
+    wanted = torch.randint(256, (4, 9, 7), generator=generator, dtype=torch.uint8)
+    alpha = torch.rand(3, 9, 7, generator=generator, requires_grad=True)
+    loss = _missed(alpha, wanted, torch.tensor([3, 0, 2]))
+    off = alpha.detach().double() - wanted[[3, 0, 2]].double() / 255
+    assert loss.item() == pytest.approx(float(off.square().sum()) / 3, rel=1e-6)
+    (gradient,) = torch.autograd.grad(5 * loss, alpha)
+    torch.testing.assert_close(gradient.double(), 5 * 2 / 3 * off, rtol=1e-6, atol=1e-6)
 
 
 def test_displaced_curves_return():

@@ -4,6 +4,7 @@
 #include "cpu/edges/cut.h"
 #include "cpu/edges/settle.h"
 #include "cpu/edges/views.h"
+#include "cpu/threads.h"
 #include <nanobind/stl/array.h>
 using namespace nb::literals;
 
@@ -178,6 +179,38 @@ Out<bool> py_crowded(nb::object asked, nb::object by, nb::object pixels, nb::obj
   }
   return array(std::move(out), {M});
 }
+
+// How far drawn images are from bytes of some of the views: sums of squares of each, and what the mean of these wants of each pixel.
+nb::tuple py_missed(nb::object images, nb::object wanted, nb::object views) {
+  const In<float> image(images);
+  const In<uint8_t> want(wanted);
+  const In<int64_t> view(views);
+  require(image.ndim() == 3 && want.ndim() == 3, "images and bytes must have shape (B, H, W) and (V, H, W)");
+  const size_t B = image.shape(0), H = image.shape(1), W = image.shape(2), V = want.shape(0);
+  require(has_shape(view, {B}) && has_shape(want, {V, H, W}), "images, bytes and views must have shape (B, H, W), (V, H, W) and (B,)");
+  for (size_t k = 0; k < B; k++) require(uint64_t(view.data()[k]) < V, "views must be of those wanted");
+  float values[256];
+  for (int byte = 0; byte < 256; byte++) values[byte] = float(byte) / 255;
+  Buffer<double> sums(B);
+  Buffer<float> gradient(B * H * W);
+  {
+    nb::gil_scoped_release nogil;
+    std::lock_guard busy(threads().busy());
+    const float share = 1 / float(B);
+    threads().run(int(B), 1, [&](int k, int) {
+      const float *drawn = image.data() + k * H * W;
+      const uint8_t *bytes = want.data() + view.data()[k] * H * W;
+      float *out = gradient.get() + k * H * W;
+      double sum = 0;
+      for (size_t pixel = 0; pixel < H * W; pixel++) {
+        const float off = drawn[pixel] - values[bytes[pixel]];
+        sum += double(off) * off, out[pixel] = share * (2 * off);
+      }
+      sums.get()[k] = sum;
+    });
+  }
+  return nb::make_tuple(array(std::move(sums), {B}), array(std::move(gradient), {B, H, W}));
+}
 }  // namespace
 
 void bind(nb::module_ &m) {
@@ -187,6 +220,7 @@ void bind(nb::module_ &m) {
         "damping"_a, "longest"_a);
   m.def("edges_cut", &py_cut, "points"_a, "places"_a, "scatter"_a, "stray"_a, "rise"_a, "prices"_a, "arcs"_a, "settled"_a, "even"_a,
         "circle_rounds"_a, "cubic_rounds"_a);
+  m.def("edges_missed", &py_missed, "images"_a, "wanted"_a, "views"_a);
   m.def("edges_shown", &py_shown, "tables"_a, "normals"_a, "points"_a, "ahead"_a, "within"_a, "slant"_a);
   m.def("edges_crowded", &py_crowded, "asked"_a, "by"_a, "pixels"_a, "headings"_a, "places"_a, "tangents"_a, "side"_a, "slant"_a, "apart"_a);
 }

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float, Tensor, UInt8
+from diff3ds._shapes import Float, Int, Tensor, UInt8
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves
@@ -19,6 +19,7 @@ from diff3ds.optimize.fit import fit
 from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
+from diff3ds.render.backends import kernels
 from diff3ds.sketch import Sketch
 
 # [px; measured] Half width of the drawn ridges and curves. Wider ones give a less certain position.
@@ -47,8 +48,8 @@ class _Shown:
             self.parts = clear_support(self.views, self.curves.moved(sketch.points.detach()))
         whole = project(Sketch(points, weights, width=0.0), cameras)
         cuts = torch.linspace(0, 1, PARTS + 1, dtype=torch.float64)
-        cut = subcurve_matrix(cuts[:-1], cuts[1:], 3)
-        cubics = (cut[None, None] @ whole.cubics[:, :, None]).flatten(1, 2)
+        # As one product of matrices, which takes a third of the time of many small ones.
+        cubics = torch.einsum("pij,vsjk->vspik", subcurve_matrix(cuts[:-1], cuts[1:], 3), whole.cubics).flatten(1, 2)
         shown = self.parts[self.batch(step)].flatten(1)
         count = cubics.shape[1]
         return Strokes2D(
@@ -85,8 +86,7 @@ def refined(
     targets = _targets(views)
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
-        target = targets[shown.batch(step)].to(rendering.alpha.dtype) / 255
-        return (rendering.alpha - target).square().sum((1, 2)).mean()
+        return _missed(rendering.alpha, targets, shown.batch(step))
 
     config = FitConfig(steps=steps, rates=Rates(points=rate * views.pixel), project=shown.strokes, seed=seed)
     sketch = Sketch(curves.points, width=0.0)
@@ -94,6 +94,30 @@ def refined(
         sketch = done.sketch
         report(done.index + 1, done.loss)
     return curves.moved(sketch.points)
+
+
+def _missed(alpha: Float[Tensor, "B H W"], targets: UInt8[Tensor, "V H W"], views: Int[Tensor, " B"]) -> Tensor:
+    """The mean over some views of the sums of squares of what is drawn too much or too little."""
+    if alpha.dtype == torch.float32 and hasattr(kernels(), "edges_missed"):
+        return cast(Tensor, _Missed.apply(alpha, targets, views))  # type: ignore[no-untyped-call]
+    return (alpha - targets[views].to(alpha.dtype) / 255).square().sum((1, 2)).mean()
+
+
+class _Missed(torch.autograd.Function):
+    """The same in one go over the pixels, and its gradient with it."""
+
+    @staticmethod
+    def forward(ctx: Any, alpha: Tensor, targets: Tensor, views: Tensor) -> Tensor:
+        module = kernels()
+        assert module is not None
+        sums, gradient = module.edges_missed(alpha.detach(), targets, views)
+        ctx.save_for_backward(torch.from_numpy(gradient))
+        return torch.tensor(sums.mean(), dtype=alpha.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:
+        (gradient,) = ctx.saved_tensors
+        return upstream * gradient, None, None
 
 
 def _targets(views: EdgeViews) -> UInt8[Tensor, "V H W"]:
