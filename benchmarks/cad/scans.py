@@ -81,7 +81,8 @@ class _Field:
         # Only cells near the surface are measured: those that a sample lies in, and their neighbours.
         near = np.zeros(shape, bool)
         near[tuple(np.round((self.on - self.low) / self.spacing).astype(int).T)] = True
-        self.values = np.where(binary_fill_holes(near), reach, -reach)
+        # Once wider, for a cell without a sample is a hole in the shell, and what it holds would not count as inside.
+        self.values = np.where(binary_fill_holes(binary_dilation(near)), reach, -reach)
         places = np.argwhere(binary_dilation(near, iterations=4))
         points = self.low + self.spacing * places
         row = self.tree.query(points, workers=2)[1]

@@ -4,7 +4,7 @@ import numpy as np
 
 import diff3ds as ds
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.hidden.outside import Outside
+from diff3ds.surfaces.hidden.outside import Outside, outer_faces
 from diff3ds.tasks.mesh.mesh_lines import feature_lines, from_outside
 
 
@@ -43,3 +43,10 @@ def test_the_inner_side_of_a_double_wall_is_not_seen() -> None:
     outer = np.abs(seen.points).max(1) > 0.99
     assert seen.seen[outer].mean() > 0.99
     assert seen.seen[~outer].mean() < 0.02
+
+
+def test_pieces_inside_of_others_are_no_outer_ones() -> None:
+    mesh = together(box(1.0), box(0.985, inward=True), box(0.5))
+    corners = np.abs(mesh.vertices[mesh.faces]).max((1, 2))
+    np.testing.assert_array_equal(outer_faces(mesh), corners == 1)
+    assert outer_faces(together(box(1.0, lid=False), box(0.5))).all()

@@ -17,6 +17,7 @@ from diff3ds.surfaces.shape.level_set import level_set
 from diff3ds.tasks.mesh.draw_mesh import run_mesh
 from diff3ds.tasks.mesh.formed import formed
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
+from diff3ds.tasks.mesh.source import Source
 from diff3ds.tasks.render.render_options import OrbitOptions
 
 HALF = np.array([0.5, 0.35, 0.25])
@@ -55,6 +56,18 @@ def test_a_bumpy_box_lies_on_six_planes_and_the_edges_of_these_are_its_creases()
     flat = found.mesh.form >= 0
     assert flat.mean() > 0.9
     assert np.abs(found.mesh.vertices[found.mesh.faces[flat]] / HALF).max(2).min() > 0.99
+
+
+def test_inner_walls_that_nobody_sees_have_no_part_in_the_forms() -> None:
+    outer = rounded_box(0.002)
+    inner = 0.94 * outer.vertices, outer.faces[:, ::-1] + len(outer.vertices)
+    double = ds.TriangleMesh(np.concatenate([outer.vertices, inner[0]]), np.concatenate([outer.faces, inner[1]]))
+    found = Source(double).by_forms(MeshOptions(), lambda line: None)
+    assert len(found.mesh) == len(outer)
+    assert found.edges is not None
+    assert found.edges[1] == ("crease",) * 12
+    places = evaluate(found.edges[0].points, found.edges[0].weights, torch.linspace(0, 1, 9)).reshape(-1, 3)
+    assert off_edges(places.numpy()).max() < 0.004
 
 
 def test_what_has_no_more_faces_than_people_model_by_hand_is_as_it_was_meant() -> None:

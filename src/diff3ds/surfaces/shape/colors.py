@@ -41,6 +41,10 @@ class SurfaceColors:
         """What the file names and cannot be read."""
         return self.colors.missing
 
+    def of_faces(self, rows: Int[Index, " G"]) -> "SurfaceColors":
+        """The colours of a mesh of some of the faces."""
+        return SurfaceColors(self.colors, self.source[rows], self.corners[rows])
+
     def at(self, face: Int[Index, " N"], points: Float[Array, "N 3"]) -> Float[Array, "N 3"]:
         """The colours of faces where points lie on them, sRGB in [0, 1]; NaN where there is none."""
         # By place: faces of the mesh may begin at another corner than the file's, or be turned round.

@@ -49,7 +49,7 @@ class FormedMesh:
 
 def formed(mesh: TriangleMesh, rounded: Rounded, say: Callable[[str], None]) -> FormedMesh | None:
     """The mesh by its forms where it is bumpy, rounded or scanned, which is said; None where it is clean, or smooth."""
-    if len(mesh) < FEWEST or _is_as_meant(mesh):
+    if is_as_meant(mesh):
         return None
     middle, size = mesh.bounds.mean(0), mesh.size
     unit = mesh.with_vertices((mesh.vertices - middle) / size)
@@ -81,8 +81,10 @@ def _away(mesh: TriangleMesh, found: FormCurves) -> Bool[Mask, " F"]:
     return np.asarray(away > BESIDE)
 
 
-def _is_as_meant(mesh: TriangleMesh) -> bool:
-    """Whether many edges are flat, as those that planes and cylinders are cut into."""
+def is_as_meant(mesh: TriangleMesh) -> bool:
+    """Whether a mesh has few faces, or many edges that are flat, as those that planes and cylinders are cut into."""
+    if len(mesh) < FEWEST:
+        return True
     turns = np.abs(mesh.turns)
     length = np.linalg.norm(mesh.vertices[mesh.edges[:, 0]] - mesh.vertices[mesh.edges[:, 1]], axis=1)
     whole = length[~np.isnan(turns)].sum()

@@ -4,15 +4,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from diff3ds.formats.cad.solids import SOLIDS
 from diff3ds.surfaces.form.solid_mesh import load_solid
+from diff3ds.surfaces.hidden.outside import outer_faces
 from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share, outline_share
 from diff3ds.surfaces.shape.colors import SurfaceColors
 from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.form_lines import with_tangents
-from diff3ds.tasks.mesh.formed import formed
+from diff3ds.tasks.mesh.formed import formed, is_as_meant
 from diff3ds.tasks.mesh.mesh_lines import FixedLines, both, feature_lines, from_outside, scale_lines
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -56,15 +59,28 @@ class Source:
         """
         if self.edges is not None:
             return self
-        found = formed(self.mesh, options.rounded, say) if options.angle is None else None
-        if found is not None:
-            edges = with_tangents(found.features, found.kinds, options.tangent)
-            lines = from_outside(both(edges, scale_lines(self.mesh, found.free)), self.mesh)
-            return replace(self, mesh=found.mesh, edges=lines, told=found.told)
+        if options.angle is None and not is_as_meant(self.mesh):
+            outer = self._outer()
+            found = formed(outer.mesh, options.rounded, say)
+            if found is not None:
+                edges = with_tangents(found.features, found.kinds, options.tangent)
+                lines = from_outside(both(edges, scale_lines(outer.mesh, found.free)), outer.mesh)
+                return replace(outer, mesh=found.mesh, edges=lines, told=found.told)
         mesh = creased(self.mesh, options.angle)
         if options.angle is not None or len(mesh) < FINE or mesh.is_crease.any():
             return replace(self, mesh=mesh, edges=feature_lines(mesh))
-        return replace(self, mesh=mesh, edges=from_outside(both(feature_lines(mesh), scale_lines(mesh)), mesh))
+        outer = replace(self, mesh=mesh)._outer()
+        lines = from_outside(both(feature_lines(outer.mesh), scale_lines(outer.mesh)), outer.mesh)
+        return replace(outer, edges=lines)
+
+    def _outer(self) -> "Source":
+        """Without pieces that nobody outside sees: where walls are double, what lies between the two has no side."""
+        kept = outer_faces(self.mesh)
+        if kept.all():
+            return self
+        whole, rows = self.mesh, np.flatnonzero(kept)
+        mesh = TriangleMesh(whole.vertices, whole.faces[rows], whole.part[rows], whole.crease, whole.polygon[rows])
+        return replace(self, mesh=mesh, colors=None if self.colors is None else self.colors.of_faces(rows[mesh.source]))
 
 
 def read_source(path: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Source:
