@@ -36,6 +36,7 @@ from diff3ds.edges.measure.offsets import PART_SCATTER
 from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.edges.refine import refined
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, not_said
+from diff3ds.render.backends import get_num_threads
 
 # [px; empirical] Shortest curve, and that of the second look.
 SHORTEST, SHORTEST_HIDDEN = 2.8, 8.0
@@ -196,7 +197,7 @@ class _Scene:
         """Points on edges by ridges that have lost a bias: those of before lie near them."""
         from scipy.spatial import cKDTree
 
-        near = cKDTree(self.points.points).query(self.cells)[0] < AROUND * views.pixel
+        near = cKDTree(self.points.points).query(self.cells, workers=get_num_threads())[0] < AROUND * views.pixel
         return edge_points(views, self.cells[near], self.min_views, self.ticks)
 
     def likely(self, curves: Curves) -> Curves:

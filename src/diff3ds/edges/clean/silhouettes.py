@@ -6,13 +6,11 @@ of radius r moves with the normal: e = d . n + r. Such an outline also passes fo
 along the surface, so that the normals hardly spread; an edge is seen from a quarter of all directions or more.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float, Index, Int, Tensor
+from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import polyline_length
@@ -49,30 +47,37 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     """
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
-    match = views.match(x)
-    planes = views.planes[match.ridge]
-    normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
-    offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
     owner = owners(curves)
     each = [np.nonzero(owner == i)[0] for i in range(len(curves))]
 
-    def wander(which: Sequence[int], shown: Bool[NDArray[np.bool_], "V M"]) -> list[bool]:
-        asked = [each[i] for i in which]
-        return in_copies(
-            lambda k: _wanders(shown[:, asked[k]], normals[:, asked[k]], offsets[:, asked[k]], doubt),
-            len(asked),
-            max(1, len(asked) // A_COPY),
-        )
+    def told(i: int) -> tuple[bool, bool]:
+        """Whether a curve wanders, and whether the normals hardly spread though the cameras do."""
+        on = each[i]
+        inside, normals, offsets = _planes_along(views, x[on], tangents[on])
+        least = SPREAD if polyline_length(x[on]) / views.pixel < CHANCE else LEAST_SPREAD
+        narrow = _spread(shown[:, on], normals) < least
+        if narrow:
+            narrow = _spread(inside, unit(np.cross(x[on] - views.centers[:, None], tangents[on]))) > FIFTH_TURN
+        return _wanders(shown[:, on], normals, offsets, doubt), narrow
 
-    found = np.array(wander(range(len(each)), shown), bool)
+    found, narrow = np.array(in_copies(told, len(each), max(1, len(each) // A_COPY)), bool).reshape(-1, 2).T
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
     clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown & found[owner])
-    found[found] = wander(np.nonzero(found)[0].tolist(), clear)
-    length = np.array([polyline_length(x[i]) for i in each]) / views.pixel
-    least = np.where(length < CHANCE, SPREAD, LEAST_SPREAD)
-    possible = _spread(match.distance < OUTSIDE, unit(np.cross(x - views.centers[:, None], tangents)), owner)
-    narrow = (_spread(shown, normals, owner) < least) & (possible > FIFTH_TURN)
+    for i in np.nonzero(found)[0].tolist():
+        found[i] = _wanders(clear[:, each[i]], *_planes_along(views, x[each[i]], tangents[each[i]])[1:], doubt)
     return torch.from_numpy(found | narrow)
+
+
+def _planes_along(
+    views: EdgeViews, x: Float[Array, "S 3"], tangents: Float[Array, "S 3"]
+) -> tuple[Bool[NDArray[np.bool_], "V S"], Float[Array, "V S 3"], Float[Array, "V S"]]:
+    """Which views contain points of a curve, normals of the ridges' planes across it, and how far off these are,
+    pixels.
+    """
+    match = views.match(x)
+    planes = views.planes[match.ridge]
+    normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
+    return match.distance < OUTSIDE, normals, -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
 
 
 def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDArray[np.bool_], "V P"]]]:
@@ -81,17 +86,12 @@ def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDAr
     return [(p, shown[:, p]) for p in parts if shown[:, p].sum() >= FEWEST]
 
 
-def _spread(
-    shown: Bool[NDArray[np.bool_], "V M"], normals: Float[Array, "V M 3"], owner: Int[Index, " M"]
-) -> Float[Array, " N"]:
-    """Ratio of the normals' scatter in two directions of each curve, mean over its parts; 1 if nothing is known."""
+def _spread(shown: Bool[NDArray[np.bool_], "V S"], normals: Float[Array, "V S 3"]) -> float:
+    """Ratio of the normals' scatter in two directions along a curve, mean over its parts; 1 if nothing is known."""
     scatter = np.einsum("vmi,vmj->mij", normals * shown[..., None], normals).reshape(-1, SAMPLES, 3, 3).sum(1)
     enough = shown.sum(0).reshape(-1, SAMPLES).sum(1) >= FEWEST
-    values = np.linalg.eigvalsh(scatter)
-    ratio = values[:, 1] / np.where(enough, values[:, 2], 1.0)
-    of, count = owner[::SAMPLES], int(owner.max(initial=-1)) + 1
-    parts = np.bincount(of, enough, count)
-    return np.where(parts > 0, np.bincount(of, ratio * enough, count) / np.maximum(parts, 1), 1.0)
+    values = np.linalg.eigvalsh(scatter[enough])
+    return float((values[:, 1] / values[:, 2]).mean()) if enough.any() else 1.0
 
 
 def _wanders(

@@ -22,6 +22,7 @@ from diff3ds.edges.evidence.support import (
     samples,
     spaced_samples,
 )
+from diff3ds.parallel.side_by_side import side_by_side
 
 # [px; empirical] Another curve that passes so near and runs the same way explains a ridge as well.
 BESIDE = 1.5
@@ -82,15 +83,17 @@ def _explained(
     ahead = headings(views, places, directions, passing)
     passing = np.where(depth[..., None] > 0, passing, np.inf)
     own = owners(curves)
-    found = [np.zeros((0, 3), np.int64)]
-    for view in range(len(views)):
+
+    def explaining(view: int) -> Int[NDArray[np.int64], "Q 3"]:
         rows, near = _neighbours(pixel[view], passing[view], np.nonzero(shown[view])[0])
         turned = heading[view, rows, 0] * ahead[view, near, 1] - heading[view, rows, 1] * ahead[view, near, 0]
         by = owner[near]
         explains = (np.abs(turned) < SLANT) & (by != own[rows])
-        pairs = np.unique(np.stack([rows[explains], by[explains]], 1), axis=0)
-        found.append(np.concatenate([np.full((len(pairs), 1), view), pairs], 1))
-    return shown, np.concatenate(found)
+        pairs = np.unique(rows[explains] * len(curves) + by[explains])
+        return np.stack([np.full(len(pairs), view), pairs // len(curves), pairs % len(curves)], 1)
+
+    found = side_by_side(explaining, len(views), len(views))
+    return shown, np.concatenate([np.zeros((0, 3), np.int64), *found])
 
 
 def _neighbours(

@@ -61,9 +61,11 @@ class Chance:
     def at(self, pixel: Float[Array, "V M 2"], heading: Float[Array, "V M 2"]) -> Float[Array, "V M"]:
         """The chance at pixels of lines with these directions, unit vectors."""
         rows, columns = self.shares.shape[2:]
-        place = np.clip(np.nan_to_num(pixel) // CELL, 0, [columns - 1, rows - 1]).astype(np.int64)
-        view = np.arange(len(pixel))[:, None]
-        return np.clip(self.shares[view, _direction(heading), place[..., 1], place[..., 0]], LEAST, MOST)
+        # Looked up in one row of numbers, in half the time.
+        places = (np.nan_to_num(pixel[..., k]) / CELL for k in (0, 1))
+        column, row = (np.clip(p, 0, n - 1).astype(np.int64) for p, n in zip(places, (columns, rows), strict=True))
+        row += rows * (_direction(heading) + DIRECTIONS * np.arange(len(pixel))[:, None])
+        return np.clip(self.shares.reshape(-1).take(row * columns + column), LEAST, MOST)
 
     def evidence(
         self,
@@ -113,7 +115,7 @@ def told(
         asked: the views whose pictures hold it.
     """
     edge = seen * SHOWN + (1 - seen) * chance
-    odds = np.where(shown, np.log(edge / chance), np.log((1 - edge) / (1 - chance)))
+    odds = np.log(np.where(shown, edge / chance, (1 - edge) / (1 - chance)))
     return np.asarray(np.where(asked, odds, 0.0).sum(0))
 
 

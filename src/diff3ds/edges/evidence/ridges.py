@@ -206,17 +206,20 @@ def _curvature(ridges: Ridges, among: Ridges) -> Float[Array, " M"]:
         return np.zeros(len(ridges))
     tree = cKDTree(among.points)
     distance, near = tree.query(ridges.points, k=min(NEIGHBOURS, len(among)), distance_upper_bound=AROUND)
-    near = np.where(np.isfinite(distance), near, 0)
-    offset = among.points[near] - ridges.points[:, None]
-    normal = ridges.normals[:, None]
-    across = (offset * normal).sum(-1)
-    along = offset[..., 0] * normal[..., 1] - offset[..., 1] * normal[..., 0]
-    same = np.abs((among.normals[near] * normal).sum(-1)) > SAME_WAY
-    weight = (np.isfinite(distance) & same & (np.abs(across) < 0.5 + 0.5 * np.abs(along))).astype(np.float64)
-    basis = np.stack([np.ones_like(along), along, along**2 / 2], -1)
-    matrix = np.einsum("mk,mki,mkj->mij", weight, basis, basis)
-    right = np.einsum("mk,mki,mk->mi", weight, basis, across)
-    solid = (weight.sum(1) >= FEWEST) & ((weight * np.abs(along)).max(1) > AROUND / 2)
+    known = np.isfinite(distance.T)
+    near = np.where(known, near.T, 0)
+    # Neighbours in rows, one component after the other: what follows goes over each of them in a row.
+    (x, y), (u, v) = (np.ascontiguousarray(values.T) for values in (ridges.points, ridges.normals))
+    dx, dy = (axis.take(near) - own for axis, own in zip(among.points.T.copy(), (x, y), strict=True))
+    other_u, other_v = (axis.take(near) for axis in among.normals.T.copy())
+    across, along = dx * u + dy * v, dx * v - dy * u
+    same = np.abs(other_u * u + other_v * v) > SAME_WAY
+    weight = (known & same & (np.abs(across) < 0.5 + 0.5 * np.abs(along))).astype(np.float64)
+    basis = [np.ones_like(along), along, along**2 / 2]
+    weighted = [weight * one for one in basis]
+    matrix = np.stack([np.stack([(one * other).sum(0) for other in basis], -1) for one in weighted], 1)
+    right = np.stack([(one * across).sum(0) for one in weighted], -1)
+    solid = (weight.sum(0) >= FEWEST) & ((weight * np.abs(along)).max(0) > AROUND / 2)
     matrix[~solid] = np.eye(3)
     bend = np.linalg.solve(matrix + 1e-6 * np.eye(3), right[..., None])[:, 2, 0]
     return np.where(solid, bend, 0.0)

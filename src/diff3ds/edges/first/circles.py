@@ -68,9 +68,12 @@ def _grown(
 
 def _members(found: EdgePoints, circle: Circle, pixel: float) -> Bool[NDArray[np.bool_], " M"]:
     center, u, v, radius, _ = circle
-    flat = found.points - center
+    members = np.abs((found.points - center) @ np.cross(u, v)) < NEAR * pixel
+    # Most points lie far from its plane.
+    flat = found.points[members] - center
     x, y, z = flat @ u, flat @ v, flat @ np.cross(u, v)
     rho = np.hypot(x, y) + 1e-12
     tangent = (-y / rho)[:, None] * u + (x / rho)[:, None] * v
-    along = np.abs((found.directions * tangent).sum(1))
-    return (np.hypot(rho - radius, z) < NEAR * pixel) & (along > ALONG)
+    along = np.abs((found.directions[members] * tangent).sum(1))
+    members[members] = (np.hypot(rho - radius, z) < NEAR * pixel) & (along > ALONG)
+    return members
