@@ -20,7 +20,22 @@ SIZE = (40, 56)
 VIEWS = [("image", False), ("world", False), ("world", True)]
 
 
-def scene(seed: int, controls: int, width_space: str, orthographic: bool = False) -> tuple[Sketch, Cameras]:
+# Of each case one precision is quick, in turn.
+DTYPES = [torch.float32, torch.float64]
+
+
+def with_slow(cases: list[tuple]) -> list:
+    """Each case with both precisions, as parameters."""
+    return [
+        pytest.param(dtype, *case, marks=[pytest.mark.slow] * (number % 2 != place))
+        for number, case in enumerate(cases)
+        for place, dtype in enumerate(DTYPES)
+    ]
+
+
+def scene(
+    seed: int, controls: int, width_space: str, orthographic: bool = False, size: tuple[int, int] = SIZE
+) -> tuple[Sketch, Cameras]:
     """Ten strokes in two views, widths from thin to thick, in float64 with gradients everywhere."""
     g = torch.Generator().manual_seed(seed)
 
@@ -31,7 +46,7 @@ def scene(seed: int, controls: int, width_space: str, orthographic: bool = False
     weights = uniform(-1, 1, 10, controls).detach().exp().requires_grad_()
     appearance = uniform(0.005, 0.08, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
     eyes = torch.tensor([[2.0, 0.4, 0.5], [-0.6, 1.7, 0.9]], dtype=torch.float64)
-    cameras = look_at(eyes, height=2.4 if orthographic else None, size=SIZE)
+    cameras = look_at(eyes, height=2.4 if orthographic else None, size=size)
     pose, intrinsics = (t.detach().requires_grad_() for t in (cameras.world_to_camera, cameras.intrinsics))
     cameras = replace(cameras, world_to_camera=pose, intrinsics=intrinsics)
     return Sketch(points, weights, *appearance, width_space=width_space), cameras
@@ -93,19 +108,20 @@ def analytic(
 by_reference = functools.cache(functools.partial(analytic, "reference"))
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize(
-    ("seed", "controls", "width_space", "blur", "orthographic"),
-    [
-        (0, 4, "image", 0.0, False),
-        (1, 4, "world", 0.0, False),
-        (2, 3, "image", 1.5, False),
-        (3, 4, "world", 0.7, False),
-        (4, 2, "world", 0.0, False),
-        (5, 4, "image", 0.0, True),
-        (6, 3, "world", 0.7, True),
-        (7, 2, "world", 0.0, True),
-    ],
+    ("dtype", "seed", "controls", "width_space", "blur", "orthographic"),
+    with_slow(
+        [
+            (0, 4, "image", 0.0, False),
+            (1, 4, "world", 0.0, False),
+            (2, 3, "image", 1.5, False),
+            (3, 4, "world", 0.7, False),
+            (4, 2, "world", 0.0, False),
+            (5, 4, "image", 0.0, True),
+            (6, 3, "world", 0.7, True),
+            (7, 2, "world", 0.0, True),
+        ]
+    ),
 )
 def test_analytic_images_and_gradients(kernels, dtype, seed, controls, width_space, blur, orthographic):
     """The loss is linear in each output at a time, with random coefficients."""
@@ -137,8 +153,7 @@ def sampled(backend: str, dtype: torch.dtype, width_space: str, orthographic: bo
 sampled_by_reference = functools.cache(functools.partial(sampled, "reference"))
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-@pytest.mark.parametrize(("width_space", "orthographic"), VIEWS)
+@pytest.mark.parametrize(("dtype", "width_space", "orthographic"), with_slow(VIEWS))
 def test_montecarlo_images_and_interior_gradients(kernels, dtype, width_space, orthographic):
     """The same seed gives the same samples: pictures agree but for samples on an edge, which rounding may flip."""
     case = dtype, width_space, orthographic

@@ -69,6 +69,12 @@ def star() -> np.ndarray:
     return np.stack([20 + 1.2 * radius * np.cos(angle), 16 + radius * np.sin(angle)], 1)
 
 
+@functools.cache
+def share_of_star() -> np.ndarray:
+    """Of each pixel, what lies within 2 px of its outline, by cells; once for all backends."""
+    return (distance_to(star(), cell_centers(SIZE)) < 2.0).mean(1).reshape(SIZE)
+
+
 # Known pictures
 
 
@@ -90,20 +96,17 @@ def test_a_polyline_covers_by_the_distance_to_all_its_segments(backend, closed):
         expected = 0.5 * np.clip(2.5 - distance_to(corners, centers), 0, 1)
         assert np.abs(alpha - expected).max() < 1e-6
         # Against areas: the pixel is no disc, which is .09 of both edges at 45 degrees, and edges bend at corners.
-        cells = distance_to(corners, cell_centers(SIZE)) < 2.0
-        assert np.abs(alpha - 0.5 * cells.mean(1).reshape(SIZE)).max() < 0.13
+        assert np.abs(alpha - 0.5 * share_of_star()).max() < 0.13
     # Nowhere is a joint darker than the line.
     assert alpha.max() == pytest.approx(0.5, abs=1e-6)
 
 
 def test_samples_see_the_same_polyline(backend):
-    corners = star()
     generator = torch.Generator().manual_seed(0)
     how = MonteCarlo(samples=SAMPLES[backend], generator=generator)
-    strokes = flat(polygon(corners), 2.0, closed=True)
+    strokes = flat(polygon(star()), 2.0, closed=True)
     alpha = rasterize(strokes, SIZE, antialiasing=how, backend=backend).alpha[0].numpy()
-    cells = (distance_to(corners, cell_centers(SIZE)) < 2.0).mean(1).reshape(SIZE)
-    assert abs(alpha.mean() - 0.5 * cells.mean()) < 2e-3
+    assert abs(alpha.mean() - 0.5 * share_of_star().mean()) < 2e-3
     assert alpha.max() == 0.5
 
 
@@ -255,7 +258,7 @@ def test_kernels_agree_with_the_reference(kernels, space, along, cameras):
             assert torch.cosine_similarity(a.double().flatten(), b.flatten(), dim=0) > 0.99999, name
 
 
-@pytest.mark.parametrize("space", ["image", "world"])
+@pytest.mark.parametrize("space", ["world", pytest.param("image", marks=pytest.mark.slow)])
 def test_gradients_are_differences(space):
     """Of the reference in float64, along a random direction of each kind of value."""
     values, chains = leaves(space, along=True)
@@ -335,7 +338,7 @@ def sampled_gradients(backend: str, space: str) -> dict[str, torch.Tensor]:
     return dict(zip(values, total, strict=True))
 
 
-@pytest.mark.parametrize("space", ["image", "world"])
+@pytest.mark.parametrize("space", ["world", pytest.param("image", marks=pytest.mark.slow)])
 def test_sampled_gradients_agree_between_kernels_and_reference(kernels, space):
     """The same samples inside; points on outlines are others, so that only their sums are alike."""
     results = sampled_gradients("reference", space), sampled_gradients.__wrapped__(kernels, space)

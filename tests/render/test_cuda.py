@@ -26,7 +26,15 @@ def test_order_of_threads_and_blocks_does_not_matter(device, antialiasing, width
     assert any(x.abs().sum() > 0 for x in expected[3:])
 
 
-@pytest.mark.parametrize("width_space", ["image", "world"])
+@pytest.mark.parametrize(
+    ("antialiasing", "width_space"),
+    [
+        ("analytic", "image"),
+        ("montecarlo", "world"),
+        pytest.param("analytic", "world", marks=pytest.mark.slow),
+        pytest.param("montecarlo", "image", marks=pytest.mark.slow),
+    ],
+)
 def test_sums_over_views_and_strokes_have_an_order(device, antialiasing, width_space):
     """Also those of the strokes in space and of the cameras; and they are the CPU kernels'."""
     expected = of_a_sketch(antialiasing, width_space)

@@ -129,11 +129,11 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
     """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
     thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
-    expected = results(thick, (60, 80), antialiasing)
+    expected = results(thick, (30, 40), antialiasing)
     memories.clear()
-    results(thin, (60, 80), antialiasing)
+    results(thin, (30, 40), antialiasing)
     with pytest.warns(RuntimeWarning, match="an earlier drawing needed more memory than foreseen"):
-        spoilt, again = (results(thick, (60, 80), antialiasing) for _ in range(2))
+        spoilt, again = (results(thick, (30, 40), antialiasing) for _ in range(2))
     assert all(x.isnan().all() for x in spoilt[:3])
     assert all((x == 0).all() for x in spoilt[3:])
     assert_same(again, expected)
@@ -142,21 +142,21 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
 def test_large_drawings_wait_and_take_little_more_than_they_need(device, memories, antialiasing, monkeypatch):
     """What spoils a smaller drawing only makes a large one wait; and a captured one cannot."""
     thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
-    expected = results(thick, (60, 80), antialiasing)
+    expected = results(thick, (30, 40), antialiasing)
     memories.clear()
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
     monkeypatch.setattr(limits, "LARGE", 256)
     monkeypatch.setattr(limits.Limits, "guess", lambda self, _: [self.length.setdefault(n, 8) for n in limits.LISTS])
-    results(thin, (60, 80), antialiasing)
-    assert_same(results(thick, (60, 80), antialiasing), expected)
+    results(thin, (30, 40), antialiasing)
+    assert_same(results(thick, (30, 40), antialiasing), expected)
     (known,) = memories.values()
     need = known.needs()["fragments"]
     assert limits.LARGE < need <= known.length["fragments"] <= limits.LARGE_MARGIN * need
     before = device.waits
-    results(thick, (60, 80), antialiasing)
+    results(thick, (30, 40), antialiasing)
     assert device.waits > before
     before, device.recording = device.waits, True
-    assert_same(results(thick, (60, 80), antialiasing), expected)
+    assert_same(results(thick, (30, 40), antialiasing), expected)
     assert device.waits == before
 
 
@@ -233,13 +233,13 @@ def test_a_drawing_too_large_for_the_memory_is_not_remembered(device, memories, 
 
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
     monkeypatch.setattr(rasterizing, "Arrays", Scarce)
-    expected = results(small, (60, 80), antialiasing)
+    expected = results(small, (30, 40), antialiasing)
     for kind in ("reach", "g_fragment"):
         scarce = {kind}
         with pytest.raises(torch.OutOfMemoryError):
             # The first is spoilt, the second has what it needs, or would.
-            [results(large, (60, 80), antialiasing) for _ in range(2)]
-        assert_same(results(small, (60, 80), antialiasing), expected)
+            [results(large, (30, 40), antialiasing) for _ in range(2)]
+        assert_same(results(small, (30, 40), antialiasing), expected)
 
 
 def test_lists_that_were_too_short_are_freed_before_longer_ones_are_made(device, antialiasing, monkeypatch):

@@ -3,13 +3,14 @@
 import pytest
 import torch
 from scenes import TENSORS, strokes_at
-from test_agreement import SIZE, leaves, scene
+from test_agreement import leaves, scene
 
 from diff3ds import Analytic, Cameras, Sketch, render
 from diff3ds.render import rasterize
 from diff3ds.render.reference import coverage
 
 STEP = 1e-7
+SIZE = (24, 32)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +34,7 @@ def test_every_input(seed, width_space, blur, output):
     the box, changes its closest point or the order of its hits; each would show as an error far above the tolerance.
     Pixels with hardly any ink are left out of the depth, a quotient by it.
     """
-    sketch, cameras = scene(seed, 4, width_space)
+    sketch, cameras = scene(seed, 4, width_space, size=SIZE)
     background = torch.full((3,), 0.4, dtype=torch.float64, requires_grad=True)
     g = torch.Generator().manual_seed(seed)
     names = leaves(sketch, cameras, background)

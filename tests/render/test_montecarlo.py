@@ -49,7 +49,7 @@ def chi_square_limit(count: int) -> float:
     return chi2.ppf(QUANTILE, count)
 
 
-@pytest.mark.parametrize("view", VIEWS[:2])
+@pytest.mark.parametrize("view", ["world", pytest.param("image", marks=pytest.mark.slow)])
 def test_image_has_no_bias(view):
     """Sum over the pixels of squared errors by variance: chi-square, pixels are drawn independently."""
     strokes = layers(view)

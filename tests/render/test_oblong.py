@@ -1,5 +1,6 @@
 """Widths in world units where pixels are oblong: fx and fy differ, or the intrinsics have a skew."""
 
+import functools
 import math
 
 import pytest
@@ -136,20 +137,28 @@ def loss_of(values: dict[str, torch.Tensor], view: Cameras, sketch: Sketch, **ho
     return sum((x * torch.rand(x.shape, generator=generator, dtype=torch.float64)).sum() for x in parts)
 
 
+def gradients(backend: str, shape: str, blur: float, kind: str, orthographic: bool) -> dict[str, torch.Tensor]:
+    """The loss and its gradients."""
+    sketch = tubes(kind)
+    view = cameras(*KINDS[shape], size=(20, 30), pose=FRONT.repeat(2, 1, 1), orthographic=orthographic)
+    values = leaves(sketch, view)
+    loss = loss_of(values, view, sketch, backend=backend, antialiasing=Analytic(blur))
+    found = torch.autograd.grad(loss, list(values.values()))
+    return {"loss": loss.detach(), **dict(zip(values, found, strict=True))}
+
+
+# Once for all kernels: it is slow.
+by_reference = functools.cache(functools.partial(gradients, "reference"))
+
+
 @pytest.mark.parametrize("orthographic", [False, True])
 @pytest.mark.parametrize("kind", ["even", "along"])
 @pytest.mark.parametrize("blur", [0.0, 1.2])
 def test_kernels_draw_and_differentiate_as_the_reference(kernels, blur, kind, orthographic):
-    sketch = tubes(kind)
     for shape in ("oblong", "skewed"):
-        view = cameras(*KINDS[shape], size=(20, 30), pose=FRONT.repeat(2, 1, 1), orthographic=orthographic)
-        gradients = []
-        for backend in ("reference", kernels):
-            values = leaves(sketch, view)
-            loss = loss_of(values, view, sketch, backend=backend, antialiasing=Analytic(blur))
-            gradients.append([loss.detach(), *torch.autograd.grad(loss, list(values.values()))])
-        for name, expected, got in zip(["loss", *values], *gradients, strict=True):
-            assert_close_gradients(got, expected, f"{shape} {name}")
+        got = gradients(kernels, shape, blur, kind, orthographic)
+        for name, expected in by_reference(shape, blur, kind, orthographic).items():
+            assert_close_gradients(got[name], expected, f"{shape} {name}")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "square"])
