@@ -1,5 +1,6 @@
 """The closest point of rational Bézier curves: global, to 1e-9 of the curve's size, on random and degenerate curves."""
 
+import functools
 import math
 
 import numpy as np
@@ -19,10 +20,16 @@ def _seeded(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
+@functools.cache
+def solved(family):
+    """Cases of a family, and their closest points."""
+    cases = family(_seeded(), CASES)
+    return cases, bezier.closest_point(*cases)
+
+
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
 def test_never_farther_than_dense_sampling(family):
-    cases = family(_seeded(), CASES)
-    found = bezier.closest_point(*cases)
+    cases, found = solved(family)
     excess = found.distance[:, 0] - sampled_distance(cases)
     worst = int((excess - cases.tolerance).argmax())
     assert excess[worst] <= cases.tolerance[worst], [v[worst].tolist() for v in cases]
@@ -30,8 +37,7 @@ def test_never_farther_than_dense_sampling(family):
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
 def test_distance_is_that_of_the_point_at_t(family):
-    cases = family(_seeded(1), CASES)
-    t, point, distance = bezier.closest_point(*cases)
+    cases, (t, point, distance) = solved(family)
     assert bool(((t >= 0) & (t <= 1)).all())
     again = bezier.evaluate(cases.points, cases.weights, t)
     assert bool(((again - point).abs().amax((1, 2)) <= cases.tolerance).all())

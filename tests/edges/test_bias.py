@@ -1,5 +1,7 @@
 """The bias of a detector, put into exact ridges of a box and found again."""
 
+import functools
+
 import numpy as np
 import pytest
 import torch
@@ -19,6 +21,7 @@ CURVES = lines_between(*((line[0], line[-1]) for line in BOX))
 MIDDLE = project(CAMERAS, np.zeros((1, 3)))[0][:, 0]
 
 
+@functools.cache
 def true_sides():
     """1 or -1 where the normals of ridges of outline edges point away from the box or into it; else 0."""
     found = []

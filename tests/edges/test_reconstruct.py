@@ -137,7 +137,9 @@ def same(a, b):
     return a.bias == b.bias and all(torch.equal(getattr(a.curves, n), getattr(b.curves, n)) for n in fields)
 
 
-@pytest.mark.parametrize("stage", range(len(STAGES)))
+@pytest.mark.parametrize(
+    "stage", [pytest.param(stage, marks=[pytest.mark.slow] * (stage in (2, 4))) for stage in range(len(STAGES))]
+)
 def test_going_on_from_a_stage_gives_the_same_bytes(stages, stage):
     """Of the next stage, and so of all."""
     results, _ = stages

@@ -101,6 +101,7 @@ def test_members_fill_the_unit_ball(name, attributes):
         assert float(length(sketch.points, sketch.weights).min()) > 0.005
 
 
+@pytest.mark.slow
 @sweep("name", CATEGORIES)
 def test_all_attributes_that_go_together_can_be_drawn(name):
     for attributes in CATEGORIES[name].combinations():

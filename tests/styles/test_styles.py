@@ -27,6 +27,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 LEAF = '<svg xmlns="http://www.w3.org/2000/svg"><path d="M0,0C22,-24 62,-22 100,0C62,22 22,24 0,0Z"/></svg>'
 PAGE = styles.Page((256, 256), 4.0, 0)
 ALL = ("ink", "pencil", "charcoal", "marker", "nib", "watercolour", "dashed", "technical", "stretched", "scattered")
+# A pencil is charcoal with other numbers.
+QUICK_AND_SLOW = [pytest.param(name, marks=[pytest.mark.slow] * (name == "pencil")) for name in ALL]
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +174,7 @@ def test_noise_is_even_smooth_and_the_same_everywhere():
 # All
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", QUICK_AND_SLOW)
 def test_no_outline_crosses_itself(every, name):
     g = torch.Generator().manual_seed(4)
     sketch = ds.Sketch.random(8, generator=g, extent=1.0, width=0.02)
@@ -182,7 +184,7 @@ def test_no_outline_crosses_itself(every, name):
 
 
 @needs("resvg_py")
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", QUICK_AND_SLOW)
 def test_either_fill_rule_shows_the_same(every, name):
     camera = ds.orbit(30.0, 20.0, 2.5, size=200)
     sketch = ds.Sketch.random(10, generator=torch.Generator().manual_seed(5), extent=1.0, width=0.02)
@@ -193,7 +195,7 @@ def test_either_fill_rule_shows_the_same(every, name):
     assert 0.5 < styles.svg_pixels(text)[..., :3].mean() < 0.999
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", QUICK_AND_SLOW)
 def test_the_box_of_a_view_is_that_of_all_its_ink(every, name):
     """Though few lines are drawn for it: rays of many lengths, whose widths differ, with cut ones among them."""
     ways = torch.linspace(0, 2 * torch.pi, 24, dtype=torch.float64)[:-1]
@@ -209,7 +211,7 @@ def test_the_box_of_a_view_is_that_of_all_its_ink(every, name):
         assert seen.box() == union(each.box for some in seen.painted((1, 1, 1)).values() for each in some)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", QUICK_AND_SLOW)
 def test_the_same_seed_gives_the_same_bytes(every, name):
     sketch = ds.Sketch.random(3, generator=torch.Generator().manual_seed(6), extent=1.0)
     camera = ds.orbit(30.0, 20.0, 2.5, size=128)
@@ -238,7 +240,7 @@ EDGE_CASES = {
 }
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", QUICK_AND_SLOW)
 def test_what_is_drawn_of_extreme_strokes(every, name):
     drawn = {}
     for case, sketch in EDGE_CASES.items():
