@@ -18,6 +18,8 @@ FLAGS = (
 )  # fmt: skip
 # Seconds for anything the browser is asked for: software rendering on a machine where each process gets a tenth.
 PATIENCE = 300
+# Of a window whose pictures show more than most tests ask of them, and take twice the time.
+LARGE = {"width": 660, "height": 260}
 # When what was drawn last is on the screen.
 SHOWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
 
@@ -86,7 +88,7 @@ class Browser:
             # Taking a screenshot reads the canvas back, which software rendering minds.
             self.errors += [text] if "GPU stall due to ReadPixels" not in text else []
 
-    def open(self, address: str, width: int = 660, height: int = 260, scale: float = 1) -> None:
+    def open(self, address: str, width: int = 440, height: int = 180, scale: float = 1) -> None:
         """Shows a page, of this many CSS pixels, and waits until it is drawn."""
         # The page before may still ask its server for something.
         self.ask("Page.navigate", url="about:blank")

@@ -9,7 +9,7 @@ import torch
 from ink import ink_apart
 from line_by_line import STROKE, strokes_off, with_lines_told
 from served_page import served
-from viewer_browser import CHROMIUM, Browser
+from viewer_browser import CHROMIUM, LARGE, Browser
 
 import diff3ds as ds
 from diff3ds.formats import save_png
@@ -122,9 +122,9 @@ def looks_as(browser, image, sketch, azimuth=30.0, elevation=20.0, **lens):
     return difference(image, picture) < CLOSE
 
 
-def check_scenes(browser, folder, names):
+def check_scenes(browser, folder, names, **size):
     for name in names:
-        image = shown(browser, folder / "a.html", SCENES[name])
+        image = shown(browser, folder / "a.html", SCENES[name], **size)
         assert not browser.errors, name
         assert looks_as(browser, image, SCENES[name]), name
 
@@ -135,12 +135,12 @@ def test_the_picture_is_that_of_the_renderer(browser, tmp_path):
 
 @pytest.mark.slow
 def test_every_scene_is_that_of_the_renderer(browser, tmp_path):
-    check_scenes(browser, tmp_path, SCENES)
+    check_scenes(browser, tmp_path, SCENES, **LARGE)
 
 
 def test_it_asks_for_nothing_and_complains_of_nothing(browser, tmp_path):
     path = tmp_path / "<b>name</b> & {{script}}.html"
-    shown(browser, path, random())
+    shown(browser, path, random(3))
     browser.key("n")
     browser.key("d")
     assert browser.requests == [path.as_uri()]
@@ -163,7 +163,7 @@ def test_phones_and_fine_screens(browser, tmp_path):
 @pytest.mark.slow
 def test_keys_and_mouse_turn_it(browser, tmp_path):
     sketch = random(width=0.02)
-    first = shown(browser, tmp_path / "a.html", sketch)
+    first = shown(browser, tmp_path / "a.html", sketch, **LARGE)
     for _ in range(3):
         browser.key("ArrowRight")
     browser.key("ArrowDown")
@@ -182,7 +182,7 @@ def test_keys_and_mouse_turn_it(browser, tmp_path):
 @pytest.mark.slow
 def test_zoom_and_orthographic_views(browser, tmp_path):
     sketch = random(width=0.05, width_space="world")
-    first = shown(browser, tmp_path / "a.html", sketch)
+    first = shown(browser, tmp_path / "a.html", sketch, **LARGE)
     distance = float(framed(sketch, 30, 20, size=tuple(first.shape[:2])).centers[0].sub(_middle(sketch)).norm())
     for _ in range(4):
         browser.key("+")
@@ -279,7 +279,7 @@ def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):
     """On a page of the disk and on one of a server; what is dragged on the right turns both."""
     from diff3ds.formats.scenes.html import save_html
 
-    one, other = random(20, width=0.02), random(20, seed=3, width=0.02, color=numbers(20, 3)).transform(MOVED)
+    one, other = random(5, width=0.02), random(5, seed=3, width=0.02, color=numbers(5, 3)).transform(MOVED)
     both = ds.Sketch.concatenate([one, other])
     ds.save(tmp_path / "one.json", one)
     ds.save(tmp_path / "other.json", other)
@@ -297,7 +297,7 @@ def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):
 
     with served(tmp_path / "one.json", beside=tmp_path / "other.json") as server:
         for address in ((tmp_path / "a.html").as_uri(), server.address):
-            browser.open(address, width=1000)
+            browser.open(address, width=660)
             check(30, 20)
             browser.key("ArrowRight")
             check(25, 20)
@@ -307,7 +307,7 @@ def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):
         browser.drag(start, (start[0] + 50, start[1]))
         check(5, 20)
         ds.save(tmp_path / "one.json", both)
-        browser.settle("document.querySelectorAll('#strokes li').length === 40")
+        browser.settle("document.querySelectorAll('#strokes li').length === 10")
         browser.settle()
         assert not browser.errors
 
@@ -353,18 +353,18 @@ def slide(browser, detail):
 
 
 def test_the_slider_draws_what_at_detail_keeps(browser, tmp_path):
-    sketch = ds.by_importance(random(20, width=0.03))
+    sketch = ds.by_importance(random(10, width=0.03))
     path = tmp_path / "page.html"
     assert shown(browser, path, sketch) is not None
-    for detail in (0, 0.2, 0.5, 0.8, 1):
+    for detail in (0, 0.4, 1):
         slide(browser, detail)
         kept = sketch.at_detail(detail)
         image = seen(browser)
         cameras = framed(sketch, 30.0, 20.0, size=tuple(image.shape[:2]))
         expected = ds.render(kept.to(torch.float64), cameras).color[0].float()
         assert difference(image, expected) < CLOSE
-        of = "" if len(kept) == 20 else f"{len(kept)} of "
-        assert browser.value("document.getElementById('count').textContent") == f"Strokes ({of}20)"
+        of = "" if len(kept) == 10 else f"{len(kept)} of "
+        assert browser.value("document.getElementById('count').textContent") == f"Strokes ({of}10)"
     assert browser.errors == []
 
 

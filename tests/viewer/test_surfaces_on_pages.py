@@ -12,7 +12,7 @@ from ink import ink_apart
 from line_by_line import CONTOUR, ENDS, FLAT, STROKE, contours_off, strokes_off, with_lines_told
 from served_page import served
 from sweep import sweep
-from viewer_browser import CHROMIUM, Browser
+from viewer_browser import CHROMIUM, LARGE, Browser
 
 import diff3ds as ds
 from diff3ds.formats.framing import framed
@@ -148,7 +148,7 @@ def difference(image, other):
 def check(browser, path, name):
     sketch, surface = SCENES[name]
     ds.save(path, sketch, surface=surface)
-    browser.open(with_lines_told(path))
+    browser.open(with_lines_told(path), **LARGE)
     image = seen(browser)
     assert not browser.errors, name
     assert float((image < 0.5).float().mean()) > 0.003, name
@@ -231,7 +231,7 @@ def test_every_scene_is_that_of_the_renderer(browser, tmp_path):
 def test_turned_and_orthographic_views(browser, tmp_path):
     sketch, surface = SCENES["cylinder of few sides"]
     ds.save(tmp_path / "a.html", sketch, surface=surface)
-    browser.open(with_lines_told(tmp_path / "a.html"))
+    browser.open(with_lines_told(tmp_path / "a.html"), **LARGE)
     browser.key("o")
     image = seen(browser)
     points = sketch.points.double().flatten(0, 1)
@@ -270,7 +270,7 @@ def test_both_sides_have_their_own_surface(browser, tmp_path):
         ds.save(folder / "sketch.json", ds.Sketch(edges(), width=0.02))
         save_surface(folder / "surface.glb", box(size).vertices, box(size).faces)
     run_export(one, tmp_path / "a.html", ExportOptions(beside=other), StyleOptions())
-    browser.open((tmp_path / "a.html").as_uri(), width=1000)
+    browser.open((tmp_path / "a.html").as_uri(), width=1000, height=260)
     half = browser.value("document.querySelector('main').clientWidth") // 2
     image = pixels(browser.picture(whole=True))
     for part, size in ((image[:, :half], 1.0), (image[:, half : 2 * half], 0.5)):

@@ -27,7 +27,7 @@ SURFACE = re.compile(r'(?<=id="surface">).*?(?=</script>)', re.DOTALL)
 # Mean difference of pictures whose samples lie a rounding error apart.
 CLOSE = 0.5 / 255
 # As high as the frame is at first.
-SIZE = {"width": 700, "height": 480}
+SIZE = {"width": 420, "height": 480}
 # Around it the policy names the script by its digest.
 DIGEST = re.compile(r"script-src '[^']*'")
 
@@ -175,7 +175,7 @@ def test_a_page_that_gets_its_size_late_shows_the_whole_sketch(browser, tmp_path
     ds.save(tmp_path / "sketch.html", BLACK)
     browser.open((tmp_path / "sketch.html").as_uri(), **SIZE)
     wanted = seen(browser)
-    browser.open((tmp_path / "sketch.html").as_uri(), SIZE["width"] + 500, SIZE["height"])
+    browser.open((tmp_path / "sketch.html").as_uri(), SIZE["width"] + 300, SIZE["height"])
     assert abs(seen(browser) - wanted).mean() > 10 * CLOSE
     browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=1, mobile=False)
     becomes(browser, wanted)
@@ -185,7 +185,7 @@ def test_a_page_that_gets_its_size_late_shows_the_whole_sketch(browser, tmp_path
 def test_edits_are_not_lost_when_the_notebook_has_another_sketch(browser, tmp_path):
     page = sketch_page("sketch", BLACK, framed=True)
     (tmp_path / "framed.html").write_text(page, encoding="utf-8")
-    browser.open((tmp_path / "framed.html").as_uri(), 900, 500)
+    browser.open((tmp_path / "framed.html").as_uri(), 440, 180)
     news = json.dumps({name: json.loads(_element(sketch_page("sketch", RED), name)) for name in ("sketch", "start")})
     color = "document.querySelector('#strokes input[type=color]').value"
     for key in ("n", "c"):
