@@ -100,6 +100,7 @@ def test_the_run_says_what_it_was(chair):
     assert info["radius"] == 0.8
 
 
+@pytest.mark.usefixtures("few_members")
 def test_colour_and_count_arrive(tmp_path):
     main(
         ["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--no-redraw", "--prior", "exemplar"]
@@ -117,6 +118,7 @@ def test_what_it_does_not_know_is_an_error_that_helps(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("few_members")
 def test_without_a_gpu_or_weights_the_built_in_prior_is_taken_and_said(tmp_path, capsys):
     main(["text", "a mug", "-o", str(tmp_path), "--steps", "1", "--no-redraw"])
     said = " ".join(capsys.readouterr().err.split())
@@ -129,6 +131,7 @@ def test_negative_phrases_are_for_others(tmp_path, capsys):
     assert "negative phrases are for mvdream" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path):
     """Also what is summed before the first step."""
     found, threads = [], torch.get_num_threads()
@@ -155,6 +158,7 @@ def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
     assert means[0] == means[1]
 
 
+@pytest.mark.usefixtures("few_members")
 def test_words_of_size_are_said_to_change_nothing(tmp_path):
     said = []
     for phrase, prior in (("a small chair", "exemplar"), ("a big chair", "small")):

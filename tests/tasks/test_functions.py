@@ -26,6 +26,7 @@ def nothing_is_left(here) -> bool:
     return not any((*(here / "here").iterdir(), *(here / "temporary").iterdir()))
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_phrase(here, capfd, caplog):
     caplog.set_level(logging.INFO, "diff3ds")
     sketch = ds.text_to_sketch("a big mug", seed=3, **QUICK)
@@ -38,6 +39,7 @@ def test_a_phrase(here, capfd, caplog):
     assert json.loads((here / "out" / "run.json").read_text())["options"]["seed"] == 3
 
 
+@pytest.mark.usefixtures("few_members")
 def test_a_picture(here):
     mug = ds.library.member("mug", torch.Generator().manual_seed(0)).sketch
     picture = here / "mug.png"
