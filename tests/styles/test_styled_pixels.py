@@ -27,6 +27,8 @@ STYLES = {
     "dashed": styles.Dashed(),
     "technical": styles.Technical(),
 }
+# A pencil is charcoal with other numbers.
+QUICK_AND_SLOW = [pytest.param(STYLES[name], id=name, marks=[pytest.mark.slow] * (name == "pencil")) for name in STYLES]
 
 
 def asked(**others):
@@ -45,11 +47,7 @@ def square(x0, y0, x1, y1):
 
 
 @needs("resvg_py")
-@pytest.mark.parametrize(
-    "style",
-    # A pencil is charcoal with other numbers.
-    [pytest.param(STYLES[name], id=name, marks=[pytest.mark.slow] * (name == "pencil")) for name in STYLES],
-)
+@pytest.mark.parametrize("style", QUICK_AND_SLOW)
 @pytest.mark.parametrize("others", [{}, {"paper": True, "depth_cue": 0.5}], ids=["plain", "paper"])
 def test_pictures_are_those_of_the_svg_file(style, others):
     how = asked(**others)
