@@ -38,6 +38,8 @@ FARTHEST, ROUNDS = 3.0, 2
 # [px, natural logarithms; empirical] Radii that differ by less are equal unless a circle is less likely then by more:
 # one number less is open.
 ALIKE, DEARER = 1.0, 1.0
+# [proposals; speed] So many are looked at side by side.
+AT_ONCE = 64
 # [1; speed] Of the places around one of so many is asked first.
 GLANCE = 3
 # [1; numerical] Directions that are told apart in a plane.
@@ -47,6 +49,8 @@ MOST_PLACES = 60_000
 
 # A circle that may be there, and how it may change; see `circle_at`. The radius is the last column.
 Proposal = tuple[Circle, Float[Array, "6 K"]]
+# Of circles that are worth fitting how promising they are, their centres and radii.
+_Promising = tuple[Float[Array, " n"], Float[Array, "n 3"], Float[Array, " n"]]
 
 
 def with_related_circles(curves: Curves, chance: Chance, outward: float, tick: Tick = no_tick) -> Curves:
@@ -66,8 +70,9 @@ def with_related_circles(curves: Curves, chance: Chance, outward: float, tick: T
     asked: list[Circle] = []
     while len(asked) < len(known):
         tick(len(asked), len(known))
-        for proposal in _proposals(known[len(asked)], asked, scene):
-            found = _fitted(proposal, known, drawn, scene)
+        proposals = list(_proposals(known[len(asked)], asked, scene))
+        while proposals:
+            found, proposals = _first_fitted(proposals, known, drawn, scene)
             if found is not None:
                 known.append(found)
                 around = angles(int(np.ceil(2 * np.pi * found.radius / pixel)))
@@ -132,7 +137,7 @@ def _on_axis(circle: Circle, scene: _Scene) -> list[Circle]:
     # What is looked for lies in the unit ball.
     centers = centers[dot(centers, centers) <= 1]
 
-    def at(k: int) -> list[tuple[float, Circle]]:
+    def at(k: int) -> _Promising:
         def told(radius: Float[Array, " R"], some: slice) -> Float[Array, "S R"]:
             x = centers[k] + radius[:, None, None] * rays[some]
             along = np.broadcast_to(tangents[some], x.shape)
@@ -142,10 +147,10 @@ def _on_axis(circle: Circle, scene: _Scene) -> list[Circle]:
         against = (told(radii, slice(None, None, GLANCE)) <= 0).sum(0)
         rest = radii[against <= (1 - AROUND) * SAMPLES]
         score = _score(told(rest, slice(None)))
-        return [(score[i], circle._replace(center=centers[k], radius=float(rest[i]))) for i in _promising(score)]
+        good = np.flatnonzero(score > PROMISING)
+        return score[good], np.broadcast_to(centers[k], (len(good), 3)), rest[good]
 
-    found = in_copies(at, len(centers), len(centers))
-    return _best([one for there in found for one in there], scene.pixel)
+    return _best(in_copies(at, len(centers), len(centers)), circle, scene.pixel)
 
 
 def _in_plane(circle: Circle, scene: _Scene) -> list[Circle]:
@@ -170,15 +175,31 @@ def _in_plane(circle: Circle, scene: _Scene) -> list[Circle]:
         return np.pad(there.reshape(places.shape[:2]), LARGEST, constant_values=AGAINST)
 
     told = in_copies(along, DIRECTIONS, DIRECTIONS)
-    angle, found = angles(SAMPLES), []
+    angle, found = angles(SAMPLES), list[_Promising]()
     across = np.round((angle / np.pi + 0.5) * DIRECTIONS).astype(int) % DIRECTIONS
     for radius in range(SMALLEST, LARGEST):
         steps = LARGEST + np.round(radius * np.stack([np.cos(angle), np.sin(angle)], 1)).astype(int)
         around = [told[k][i : i + len(rows), j : j + len(columns)] for k, (i, j) in zip(across, steps, strict=True)]
         score = _score(np.stack(around)).ravel()
-        for k in _promising(score):
-            found.append((score[k], circle._replace(center=places.reshape(-1, 3)[k], radius=radius * pixel)))
-    return _best(found, pixel)
+        good = np.flatnonzero(score > PROMISING)
+        found.append((score[good], places.reshape(-1, 3)[good], np.full(len(good), radius * pixel)))
+    return _best(found, circle, pixel)
+
+
+def _first_fitted(
+    proposals: list[Proposal],
+    known: list[Circle],
+    drawn: tuple[Float[Array, "D 3"], Float[Array, "D 3"]],
+    scene: _Scene,
+) -> tuple[Circle | None, list[Proposal]]:
+    """The first circle of some proposals that is there, if one is, and the proposals that are left; see `_fitted`."""
+    some = proposals[:AT_ONCE]
+    fitted = in_copies(lambda k: _fitted(some[k], known, drawn, scene), len(some), len(some))
+    for k, found in enumerate(fitted):
+        if found is not None:
+            # What comes after it is asked about anew, since now more is known.
+            return found, proposals[k + 1 :]
+    return None, proposals[len(some) :]
 
 
 def _fitted(
@@ -234,16 +255,18 @@ def _score(told: Float[Array, "S *n"]) -> Float[Array, "*n"]:
     return np.asarray(np.where((told > 0).mean(0) >= AROUND, told.mean(0), AGAINST))
 
 
-def _promising(score: Float[Array, " n"]) -> list[int]:
-    return [int(k) for k in np.flatnonzero(score > PROMISING)]
+def _best(found: list[_Promising], circle: Circle, pixel: float) -> list[Circle]:
+    """Circles like one, the best first, without those that may be better ones; see `_may_be_one`."""
+    from scipy.spatial import cKDTree
 
-
-def _best(found: list[tuple[float, Circle]], pixel: float) -> list[Circle]:
-    """The best first, without those that may be better ones."""
-    kept: list[Circle] = []
-    for _, circle in sorted(found, key=lambda one: -one[0]):
-        if not any(_may_be_one(circle, other, pixel) for other in kept):
-            kept.append(circle)
+    score, center, radius = (np.concatenate(column) for column in zip(*found, strict=True))
+    place = np.column_stack([center, radius])
+    tree, free = cKDTree(place), np.ones(len(place), bool)
+    kept = []
+    for row in np.argsort(-score, kind="stable").tolist():
+        if free[row]:
+            kept.append(circle._replace(center=center[row], radius=float(radius[row])))
+            free[tree.query_ball_point(place[row], np.nextafter(APART * pixel, 0))] = False
     return kept
 
 
