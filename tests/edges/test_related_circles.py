@@ -57,7 +57,7 @@ def test_where_views_show_nothing_else_curves_stay():
     views = edge_views(CAMERAS, ridges_along(CAMERAS, [arc(0 * U, DISK * U, DISK * V), half, tilted]))
     assert with_related_circles(KNOWN, Chance.of(views, NARROW), 0.0) is KNOWN
     none = KNOWN[torch.tensor([False])]
-    assert with_related_circles(none, chance_of(TOP), 0.0) is none
+    assert with_related_circles(none, Chance.of(views, NARROW), 0.0) is none
 
 
 def test_pieces_along_a_circle_that_is_found_go():

@@ -43,7 +43,7 @@ def seeded(seed=1):
     return torch.Generator().manual_seed(seed)
 
 
-@pytest.mark.parametrize("kind", ["mvdream", "stable diffusion"])
+@pytest.mark.parametrize("kind", ["stable diffusion", pytest.param("mvdream", marks=pytest.mark.slow)])
 def test_at_first_it_is_the_prior_and_training_leaves_the_prior_alone(kind, latents):
     prior = make(kind)
     before = prior.predict(latents, TIMES, CAMERAS, ("conditional", "negative"))
@@ -79,12 +79,12 @@ def test_half_precision_is_trained_in_float32(latents):
 
 
 def test_a_state_goes_on_bit_for_bit(latents):
-    through = Particles(make("mvdream"), seed=3)
+    through = Particles(make("stable diffusion"), seed=3)
     for step in range(2):
         through.learn(latents, CAMERAS, seeded(step))
     kept = through.state()
     through.learn(latents, CAMERAS, seeded(2))
-    resumed = Particles(make("mvdream"), seed=4)
+    resumed = Particles(make("stable diffusion"), seed=4)
     resumed.restore(kept)
     assert resumed.learned == 2
     resumed.learn(latents, CAMERAS, seeded(2))

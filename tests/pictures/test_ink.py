@@ -69,9 +69,12 @@ BESIDE = {
     "a corner": (beside([(0, 0), (70, 0), (0, 45)]), 0.05),
     "a finger": (beside([(-40, 180), (40, 250)]), 0.4),
 }
+QUICK = ("all around", "a page that lies askew", "a finger")
 
 
-@pytest.mark.parametrize("what", BESIDE)
+@pytest.mark.parametrize(
+    "what", [*QUICK, *(pytest.param(what, marks=pytest.mark.slow) for what in BESIDE if what not in QUICK)]
+)
 def test_what_lies_beside_a_page_is_no_ink(what, tmp_path):
     there, gray = BESIDE[what]
     drawing = sheet(0.01) / sheet(0.01).amax() * (1 - 0.67 * circle(6.0))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from diff3ds.pydiffvg.__main__ import main
+
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import sys
@@ -46,7 +48,7 @@ def run(folder, *arguments, **environment):
     return done.returncode, done.stdout.strip(), done.stderr
 
 
-def test_a_script_that_is_not_touched(script):
+def test_a_script_that_is_not_touched(script, monkeypatch):
     code, said, error = run(script, "-m", "diff3ds.pydiffvg", "inner/main.py", "--its", "args")
     assert code == 0, error
     assert said == "['--its', 'args'] inner/main.py beside"
@@ -54,8 +56,11 @@ def test_a_script_that_is_not_touched(script):
     assert code == 0, error
     assert said.startswith("['7']")
     assert said.endswith("beside")
-    code, said, error = run(script, "-m", "diff3ds.pydiffvg", "none.py")
-    assert (code, error.strip()) == (1, "python -m diff3ds.pydiffvg: there is no script none.py")
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "argv", ["diff3ds.pydiffvg", "none.py"])
+        patch.setattr("diff3ds.pydiffvg.__main__.install", lambda: None)
+        with pytest.raises(SystemExit, match=r"^python -m diff3ds\.pydiffvg: there is no script none\.py$"):
+            main()
 
 
 def test_the_distribution_gives_the_name(script):
