@@ -88,8 +88,10 @@ def _coplanar(
 def _seeds(curves: Curves, sure: Flags) -> list[list[int]]:
     """Curves that span a plane: arcs, and two lines that meet."""
     vertex = curves.vertex.numpy()
-    lines = [int(i) for i in np.nonzero(sure & (curves.kind == Kind.LINE).numpy())[0]]
-    meet = [[i, k] for i in lines for k in lines if i < k and np.isin(vertex[i], vertex[k]).any()]
+    lines = np.nonzero(sure & (curves.kind == Kind.LINE).numpy())[0]
+    ends = vertex[lines]
+    meeting = (ends[:, None, :, None] == ends[:, None]).any((2, 3))
+    meet = lines[np.argwhere(np.triu(meeting, 1))].tolist()
     bent = sure & ((curves.kind == Kind.ARC) | (curves.kind == Kind.CIRCLE)).numpy()
     return [[int(i)] for i in np.nonzero(bent)[0]] + meet
 
