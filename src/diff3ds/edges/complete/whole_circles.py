@@ -50,7 +50,7 @@ LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
 # heights; its radius and axis are known already.
 STEP, TRIES = 2.0, 2
 # [circles; speed] So many are fitted side by side, before what was found says which others need not be.
-TOGETHER = 16
+TOGETHER = 8
 
 
 def closed(
@@ -72,21 +72,16 @@ def closed(
     free = ~curves.closed.numpy()
     points = sampled(curves)
     found: list[Circle] = []
-    starts = list(_starts(curves, points, views.pixel))
-
-    def tried(starts: list[Circle]) -> list[Circle | None]:
-        def one(k: int) -> Circle | None:
-            likely = _promising(starts[k], views, min_views) and (chance is None or _evident(starts[k], chance))
-            return _whole(starts[k], views, min_views, outward) if likely else None
-
-        return in_copies(one, len(starts), len(starts))
-
+    starts = [
+        (start, list(members))
+        for start, members in _starts(curves, points, views.pixel)
+        if _promising(start, views, min_views) and (chance is None or _evident(start, chance))
+    ]
     for done in range(0, len(starts), TOGETHER):
         tick(done, len(starts))
-        some = [
-            (start, list(members)) for start, members in starts[done : done + TOGETHER] if free[list(members)].all()
-        ]
-        for circle, (_, members) in zip(tried([start for start, _ in some]), some, strict=True):
+        some = [(start, members) for start, members in starts[done : done + TOGETHER] if free[members].all()]
+        fitted = _all_whole([start for start, _ in some], views, min_views, outward)
+        for circle, (_, members) in zip(fitted, some, strict=True):
             if circle is not None and free[members].all():
                 free &= ~along(circle, points, views.pixel)
                 found.append(circle)
@@ -135,8 +130,7 @@ def _twins(circles: list[Circle], views: EdgeViews, min_views: float, outward: f
     first = [
         (i, k) for i, at in enumerate(starts) for k in [k for k, one in enumerate(at) if not is_known(one)][:TRIES]
     ]
-    tried = in_copies(lambda n: _whole(starts[first[n][0]][first[n][1]], views, fewer, outward), len(first), len(first))
-    fitted = dict(zip(first, tried, strict=True))
+    fitted = dict(zip(first, _all_whole([starts[i][k] for i, k in first], views, fewer, outward), strict=True))
     for i, circle in enumerate(circles):
         for k in [k for k, one in enumerate(starts[i]) if not is_known(one)][:TRIES]:
             twin = fitted[i, k] if (i, k) in fitted else _whole(starts[i][k], views, fewer, outward)
@@ -178,6 +172,10 @@ def _evident(circle: Circle, chance: Chance) -> bool:
     angle = angles(FINE)
     told = chance.evidence(points_on(circle, angle), tangents_on(circle, angle))
     return bool((told > 0).mean() >= EVIDENT)
+
+
+def _all_whole(circles: list[Circle], views: EdgeViews, min_views: float, outward: float) -> list[Circle | None]:
+    return in_copies(lambda k: _whole(circles[k], views, min_views, outward), len(circles), len(circles))
 
 
 def _whole(circle: Circle, views: EdgeViews, min_views: float, outward: float) -> Circle | None:
