@@ -166,3 +166,12 @@ def test_photographs_of_a_known_scene(tmp_path):
     off = (s.sum() / a.square().sum() * a @ turn - b).norm(dim=1)
     assert float(off.max()) < 0.02 * float(b.norm(dim=1).max())
     torch.testing.assert_close(turn[2], torch.tensor([0.0, 0, 1]).double(), rtol=0, atol=0.02)
+    # The same to the last bit, whatever the number of threads.
+    threads = ds.get_num_threads()
+    try:
+        ds.set_num_threads(1 if threads > 1 else 2)
+        run_cameras(tmp_path / "photos", tmp_path / "again")
+    finally:
+        ds.set_num_threads(threads)
+    one, other = ((tmp_path / name / "transforms.json").read_bytes() for name in ("out", "again"))
+    assert one == other

@@ -45,24 +45,30 @@ def _found(job: dict[str, Any], tell: Any) -> list[dict[str, Any]]:
         reader.mask_path = job["masks"]
     mode = pycolmap.CameraMode.SINGLE if job["one_camera"] else pycolmap.CameraMode.PER_IMAGE
     names = job["names"]
+    # Threads end in another order each time, and pictures have numbers in that order unless they have them before.
+    pycolmap.Database.open(database).close()
+    pycolmap.import_images(database, pictures, mode, names, reader)
     tell(stage="features", done=0, total=len(names))
     for first in range(0, len(names), PICTURES):
         pycolmap.extract_features(database, pictures, names[first : first + PICTURES], mode, reader, extract)
-        if job["one_camera"]:
-            reader.existing_camera_id = 1
         tell(stage="features", done=min(first + PICTURES, len(names)), total=len(names))
     match = pycolmap.FeatureMatchingOptions()
     match.use_gpu, match.num_threads = False, job["threads"]
+    # Else it draws other samples each time.
+    verify = pycolmap.TwoViewGeometryOptions()
+    verify.ransac.random_seed = 0
     pairs, listed = job["pairs"], out / "pairs.txt"
     tell(stage="matches", done=0, total=len(pairs))
     for first in range(0, len(pairs), PAIRS):
         listed.write_text("".join(f"{a} {b}\n" for a, b in pairs[first : first + PAIRS]), encoding="utf-8")
         imported = pycolmap.ImportedPairingOptions()
         imported.match_list_path = str(listed)
-        pycolmap.match_image_pairs(database, match, imported)
+        pycolmap.match_image_pairs(database, match, imported, verify)
         tell(stage="matches", done=min(first + PAIRS, len(pairs)), total=len(pairs))
     options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads, options.min_model_size, options.random_seed = job["threads"], 3, 0
+    # In one thread: several add up in another order.
+    options.num_threads, options.min_model_size, options.random_seed = 1, 3, 0
+    options.mapper.num_threads, options.mapper.random_seed = 1, 0
     placed = 0
 
     def one_more() -> None:
