@@ -237,7 +237,7 @@ def is_quick(test: str) -> bool:
 
 def leaves_out(mark: ast.expr) -> bool:
     """Whether a mark leaves its test out of the quick ones; one of many cases does if it leaves out each of them."""
-    if isinstance(mark, ast.Call) and isinstance(mark.args[-1], ast.List) and mark.args[-1].elts:
+    if isinstance(mark, ast.Call) and mark.args and isinstance(mark.args[-1], ast.List) and mark.args[-1].elts:
         return all(map(leaves_out, mark.args[-1].elts))
     return bool(re.search(r"mark\.(slow|gpu|xfail|skip\b)|\bskip\(", ast.unparse(mark)))
 

@@ -8,7 +8,7 @@ from edge_scenes import arc, around, circular_arc, ridges_along, turned, whole
 from diff3ds.curves.shapes.curve_set import concatenated, curves_of
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.complete.hypothesis import NARROW
-from diff3ds.edges.complete.related_circles import with_related_circles
+from diff3ds.edges.complete.related_circles import _best, _may_be_one, with_related_circles
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import edge_views
 
@@ -47,6 +47,25 @@ def test_the_other_side_has_the_radius_of_the_known_one():
     assert found[1].radius == pytest.approx(found[0].radius, abs=1e-6)
     found = list(with_related_circles(KNOWN, chance_of(TOP, (BOTTOM[0], 0.9 * DISK)), 0.0).circles.values())
     assert found[1].radius == pytest.approx(0.9 * DISK, abs=0.005)
+
+
+def test_what_may_be_a_better_circle_is_left_out_as_pair_by_pair():
+    generator, pixel = np.random.default_rng(0), 0.004
+    score, center, radius = generator.random(300), generator.random((300, 3)) / 10, 0.1 + generator.random(300) / 20
+    start = next(iter(KNOWN.circles.values()))
+    kept = []
+    for row in np.argsort(-score):
+        one = start._replace(center=center[row], radius=float(radius[row]))
+        if not any(_may_be_one(one, other, pixel) for other in kept):
+            kept.append(one)
+    found = _best([(score[:100], center[:100], radius[:100]), (score[100:], center[100:], radius[100:])], start, pixel)
+    assert 20 < len(found) < 280
+    assert [c.radius for c in found] == [c.radius for c in kept]
+
+
+def test_of_a_circle_outside_of_what_is_looked_at_nothing_is_asked():
+    off = curves_of([whole(1.05 * U, 0.1 * U, 0.1 * V)])
+    assert with_related_circles(off, chance_of(TOP), 0.0) is off
 
 
 def test_where_views_show_nothing_else_curves_stay():

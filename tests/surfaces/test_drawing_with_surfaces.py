@@ -180,3 +180,17 @@ def test_outlines_fitted_for_all_sides_give_way_to_those_of_the_view():
     assert [seen for _, seen in found] == [not kind.endswith("hidden") for kind in without.layers("faint")]
     assert {row for row, seen in found if not seen} == {0}
     assert lines.numbers == (1, -1)
+
+
+@pytest.mark.parametrize("hidden", ["drop", "faint", "dashed", "show"])
+def test_what_is_drawn_is_made_anew_of_the_sketch_each_time(hidden):
+    points = BEHIND.clone().requires_grad_()
+    (lines,) = visible_lines(ds.Sketch(points, width=0.02), front(), ds.TriangleMesh(*box()), contours=False)
+    with torch.no_grad():
+        lines.layers(hidden)
+        lines.drawn(hidden)
+    lines.drawn(hidden).points.sum().backward()
+    once = points.grad.clone()
+    assert float(once.abs().sum()) > 1
+    lines.drawn(hidden).points.sum().backward()
+    torch.testing.assert_close(points.grad, 2 * once)

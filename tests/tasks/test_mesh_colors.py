@@ -14,6 +14,7 @@ import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.surfaces.shape.colors import colored
 from diff3ds.surfaces.shape.load_surface import load_colored_surface
+from diff3ds.tasks.mesh.source import Source
 
 pytestmark = needs("trimesh")
 
@@ -221,3 +222,24 @@ def test_colours_of_faces_of_different_sizes(tmp_path):
     blue = {tuple(p) for p, c in zip(sketch.points.mean(1).tolist(), sketch.color.tolist(), strict=True) if c[2] == 1}
     assert blue == {(1, 0.5, 0), (1.5, 0, 0.5), (1.5, 0.5, 0.5)}
     assert len(sketch) == 6
+
+
+def test_without_inner_walls_faces_keep_their_colours(tmp_path):
+    lines = [PLY.format(16, "", 24, RGB)]
+    # The inner box first, so that what is left has other numbers than in the file.
+    for share in (0.8, 1.0):
+        lines += [f"{x} {y} {z}\n" for x, y, z in share * CORNERS + (1 - share) * np.array([1.5, 1, 0.5])]
+    for first, inner in ((0, True), (8, False)):
+        for side, color in zip(SIDES, COLORS, strict=True):
+            a, b, c, d = side[::-1] if inner else side
+            for face in [(a, b, c), (c, d, a)]:
+                numbers = (3, *(first + corner for corner in face), *((9, 9, 9) if inner else color))
+                lines.append(" ".join(map(str, numbers)) + "\n")
+    (tmp_path / "shell.ply").write_text("".join(lines))
+    mesh, colors = load_colored_surface(tmp_path / "shell.ply")
+    outer = Source(mesh, colors)._outer()
+    assert (len(mesh), len(outer.mesh)) == (24, 12)
+    middles = outer.mesh.vertices[outer.mesh.faces].mean(1)
+    side = np.abs(np.concatenate([middles, middles - [3, 2, 1]], 1)).argmin(1)
+    wanted = np.array([COLORS[2 * (k % 3) + k // 3] for k in side]) / 255
+    np.testing.assert_allclose(outer.colors.at(np.arange(12), middles), wanted, atol=1e-6)

@@ -45,10 +45,10 @@ def _found(job: dict[str, Any], tell: Any) -> list[dict[str, Any]]:
         reader.mask_path = job["masks"]
     mode = pycolmap.CameraMode.SINGLE if job["one_camera"] else pycolmap.CameraMode.PER_IMAGE
     names = job["names"]
+    tell(stage="features", done=0, total=len(names))
     # Threads end in another order each time, and pictures have numbers in that order unless they have them before.
     pycolmap.Database.open(database).close()
     pycolmap.import_images(database, pictures, mode, names, reader)
-    tell(stage="features", done=0, total=len(names))
     for first in range(0, len(names), PICTURES):
         pycolmap.extract_features(database, pictures, names[first : first + PICTURES], mode, reader, extract)
         tell(stage="features", done=min(first + PICTURES, len(names)), total=len(names))

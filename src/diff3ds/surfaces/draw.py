@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
 import torch
 
-from diff3ds._shapes import Index, Int
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.page.chords import chords_of
@@ -68,42 +66,39 @@ class Lines:
         """The visible or the hidden strokes, of one kind or all; gradients flow to the sketch."""
         return cut_sketch(self.sketch, *self._chosen(visible, kind))[0]
 
-    @cached_property
-    def _seen(self) -> tuple[Sketch, Int[Index, " R"]]:
-        """The visible strokes, and the row in `sketch` of each."""
-        return cut_sketch(self.sketch, *self._chosen(True, None))
-
     def drawn(self, hidden: Hidden) -> Sketch:
         """What is drawn: visible strokes, and hidden ones as `ds.render` says."""
-        if hidden == "show":
-            return self.sketch
-        seen, _ = self._seen
-        if hidden == "drop":
-            return seen
-        if hidden == "faint":
-            return Sketch.concatenate([faint(self.strokes(False), FAINT), seen])
-        return Sketch.concatenate([self._dashes(), seen])
+        return self.drawn_from(hidden)[0]
 
     def layers(self, hidden: Hidden) -> list[str]:
         """What each stroke of `drawn` is: "crease", "contour, hidden" and the like."""
-        return [self.kinds[row] if seen else f"{self.kinds[row]}, hidden" for row, seen in self.origins(hidden)]
+        return self.named(self.origins(hidden))
 
     def origins(self, hidden: Hidden) -> list[tuple[int, bool]]:
         """Of each stroke of `drawn` its row in `sketch`, and whether it is seen; where all are drawn whole, each is."""
+        return self.drawn_from(hidden)[1]
+
+    def drawn_from(self, hidden: Hidden) -> tuple[Sketch, list[tuple[int, bool]]]:
+        """What `drawn` and `origins` give."""
         if hidden == "show":
-            return [(row, True) for row in range(len(self.sketch))]
-        seen = [(row, True) for row in self._seen[1].tolist()]
+            return self.sketch, [(row, True) for row in range(len(self.sketch))]
+        seen, rows = cut_sketch(self.sketch, *self._chosen(True, None))
+        origins = [(row, True) for row in rows.tolist()]
         if hidden == "drop":
-            return seen
+            return seen, origins
         cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
-        return [(row, False) for row in cut_sketch(self.sketch, *cut)[1].tolist()] + seen
+        other, rows = cut_sketch(self.sketch, *cut)
+        if hidden == "faint":
+            other = faint(other, FAINT)
+        return Sketch.concatenate([other, seen]), [(row, False) for row in rows.tolist()] + origins
+
+    def named(self, origins: list[tuple[int, bool]]) -> list[str]:
+        """What strokes are of which `origins` says where they come from."""
+        return [self.kinds[row] if seen else f"{self.kinds[row]}, hidden" for row, seen in origins]
 
     def dashes(self, hidden: Hidden) -> list[int] | None:
         """Of each stroke of `drawn` the row in `sketch` that it is a dash of, -1 for others; None where none are."""
         return [-1 if seen else row for row, seen in self.origins(hidden)] if hidden == "dashed" else None
-
-    def _dashes(self) -> Sketch:
-        return cut_sketch(self.sketch, *self._dash_parts())[0]
 
     def _dash_parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         parts = self.parts[~self.parts.visible]
@@ -233,7 +228,7 @@ def lines_for_pixels(
 ) -> list[Result]:
     """What is taken from the lines of a view and its number, as `visible_lines` finds them, in the copies that do so.
 
-    They are found less exactly, since they are seen or measured in pictures of pixels.
+    They are found less exactly, since they are seen or measured in pictures of pixels, and without gradients.
     """
     looked = _Looked.of(sketch, cameras, surface, kinds, contours, hatch)
 

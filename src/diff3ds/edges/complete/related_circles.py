@@ -23,6 +23,7 @@ from diff3ds.edges.measure.fit_ridges import apart, circle_at, in_plane, on_axis
 from diff3ds.edges.measure.holes import PARALLEL
 from diff3ds.edges.watch import Tick, no_tick
 from diff3ds.parallel.in_copies import in_copies
+from diff3ds.render.backends import get_num_threads
 
 # [natural logarithms, fraction; empirical] Such evidence in the mean around, and for an edge on so much of it, makes a
 # circle worth fitting.
@@ -193,11 +194,11 @@ def _first_fitted(
     scene: _Scene,
 ) -> tuple[Circle | None, list[Proposal]]:
     """The first circle of some proposals that is there, if one is, and the proposals that are left; see `_fitted`."""
-    some = proposals[:AT_ONCE]
+    # Without copies one after the other, since what comes after a circle that is there is asked about anew.
+    some = proposals[: AT_ONCE if get_num_threads() > 1 else 1]
     fitted = in_copies(lambda k: _fitted(some[k], known, drawn, scene), len(some), len(some))
     for k, found in enumerate(fitted):
         if found is not None:
-            # What comes after it is asked about anew, since now more is known.
             return found, proposals[k + 1 :]
     return None, proposals[len(some) :]
 
@@ -259,6 +260,8 @@ def _best(found: list[_Promising], circle: Circle, pixel: float) -> list[Circle]
     """Circles like one, the best first, without those that may be better ones; see `_may_be_one`."""
     from scipy.spatial import cKDTree
 
+    if not found:
+        return []
     score, center, radius = (np.concatenate(column) for column in zip(*found, strict=True))
     place = np.column_stack([center, radius])
     tree, free = cKDTree(place), np.ones(len(place), bool)

@@ -70,7 +70,7 @@ class Outside:
 
 
 def outer_faces(mesh: TriangleMesh) -> Bool[Mask, " F"]:
-    """Which faces are of pieces that somebody outside sees: not the inner walls of a shell that is closed."""
+    """Which faces are of pieces that one of many views from outside shows: not the inner walls of a closed shell."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

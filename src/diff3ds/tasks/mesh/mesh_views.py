@@ -150,8 +150,9 @@ class MeshViews:
 
     def _drawn(self, lines: Lines) -> Sketch:
         """What is drawn in a view; contours, which are the view's own, in the colours of what is seen of them."""
-        layers = lines.layers(self.options.hidden)
-        drawn = thinned(lines.drawn(self.options.hidden), layers, self.options.tangent)
+        sketch, origins = lines.drawn_from(self.options.hidden)
+        layers = lines.named(origins)
+        drawn = thinned(sketch, layers, self.options.tangent)
         own = [i for i, layer in enumerate(layers) if layer.startswith(CONTOUR)]
         if self.colors is None or not own:
             return drawn

@@ -109,10 +109,10 @@ class Scene:
 
     def _shown(self, lines: Lines) -> Shown:
         hidden = self.hiding.hidden or "drop"
-        origins = lines.origins(hidden)
+        sketch, origins = lines.drawn_from(hidden)
         given = [lines.numbers[row] for row, _ in origins]
         numbers = [-1 if number < 0 else self.numbers[number] for number in given]
-        return Shown(lines.drawn(hidden), numbers, [seen for _, seen in origins], lines.dashes(hidden))
+        return Shown(sketch, numbers, [seen for _, seen in origins], lines.dashes(hidden))
 
     def images(self, cameras: Cameras) -> Iterator[Image]:
         """Each view as an RGB picture, or where the background is transparent straight RGBA."""
