@@ -49,9 +49,9 @@ DIRECTIONS = 14
 MOST_PLACES = 60_000
 
 # A circle that may be there, and how it may change; see `circle_at`. The radius is the last column.
-Proposal = tuple[Circle, Float[Array, "6 K"]]
+Proposal = tuple[Circle, Float[Array, "6 _"]]
 # Of circles that are worth fitting how promising they are, their centres and radii.
-_Promising = tuple[Float[Array, " n"], Float[Array, "n 3"], Float[Array, " n"]]
+_Promising = tuple[Float[Array, " _"], Float[Array, "_ 3"], Float[Array, " _"]]
 
 
 def with_related_circles(curves: Curves, chance: Chance, outward: float, tick: Tick = no_tick) -> Curves:

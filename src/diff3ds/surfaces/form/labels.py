@@ -4,6 +4,7 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.surfaces.form.exact_meets import onto
@@ -43,7 +44,7 @@ class Labelled:
 
 def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
     """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
-    costs: dict[Form, Array] = {}
+    costs: dict[Form, NDArray[np.float32]] = {}
     label, current = _swept(samples, list(forms), costs)
     for change in (_merged, _needed, _of_best_kinds, _refitted, _needed, _refitted, _true):
         changed = change(samples, label, current)
@@ -75,7 +76,9 @@ def spread(samples: Samples, label: Int[Index, " N"], reach: float) -> Int[Index
     return out
 
 
-def _swept(samples: Samples, forms: list[Form], costs: dict[Form, Array]) -> tuple[Int[Index, " N"], list[Form]]:
+def _swept(
+    samples: Samples, forms: list[Form], costs: dict[Form, NDArray[np.float32]]
+) -> tuple[Int[Index, " N"], list[Form]]:
     """The labels that cost least: distances from forms, turns of normals, and neighbours with other labels.
 
     Without pieces of a form that are too small to say that it is there, and without forms that have no other.
