@@ -10,7 +10,7 @@ polynomial map; Amberg, Romdhani and Vetter 2007 do the same with affine maps).
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -21,6 +21,9 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.recognition.side_seen import PlacedLines, heading
 from diff3ds.sketch import Sketch
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 # Of the displacement in each coordinate, with Legendre polynomials. Empirical, as all that follows.
 DEGREE = 4
@@ -45,21 +48,27 @@ def bend_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> "Bend":
         lines: of the drawing.
         mirrored: whether the bend is the same on both sides of the plane y = 0.
     """
+    from scipy.spatial import cKDTree
+
     t = torch.linspace(0, 1, SAMPLES, dtype=torch.float64)
     places = evaluate(sketch.points.detach().double(), sketch.weights.detach().double(), t)
     terms = _terms(mirrored)
     basis = _basis(places.flatten(0, 1), terms)
+    # Each term moves one coordinate, by this much.
+    coordinate, amount = torch.tensor([t.coordinate for t in terms]), basis.sum(1)
     stiffness = torch.tensor([STIFFNESS[sum(t.powers)] for t in terms], dtype=torch.float64)
     drawn, along = torch.from_numpy(lines.points), _unit(torch.from_numpy(lines.lines.tangents).double())
     normals = torch.stack([-along[:, 1], along[:, 0]], 1)
+    drawing = cKDTree(torch.cat([drawn, heading(along)], 1).numpy())
     bend = torch.zeros(len(terms), dtype=torch.float64)
     for share in np.linspace(0, 1, ROUNDS):
         reach, hold = FAR * (NEAR / FAR) ** share, STIFF * (LOOSE / STIFF) ** share
         seen, slope = seen_by(places.flatten(0, 1) + basis @ bend, lines.camera)
-        pairs = _matches(seen.reshape(*places.shape[:2], 2), drawn, along)
+        pairs = _matches(seen.reshape(*places.shape[:2], 2), drawing)
         # Each match asks the point of a stroke to lie on the line through the drawing's, along its direction.
         gap, normal = drawn[pairs.drawn] - seen[pairs.stroke], normals[pairs.drawn]
-        pull = ((normal[:, None] @ slope[pairs.stroke]) @ basis[pairs.stroke])[:, 0]
+        across = (normal[:, None] @ slope[pairs.stroke])[:, 0]
+        pull = across[:, coordinate] * amount[pairs.stroke]
         wanted = (gap * normal).sum(1) + pull @ bend
         # Far matches are no matches (Geman and McClure's weights).
         weight = pairs.weight / (1 + gap.square().sum(1) / reach**2) ** 2
@@ -138,19 +147,18 @@ def seen_by(places: Float[Tensor, "P 3"], camera: Cameras) -> tuple[Float[Tensor
     return pixels / camera.size[0], slope / camera.size[0]
 
 
-def _matches(seen: Float[Tensor, "C S 2"], drawn: Float[Tensor, "N 2"], along: Float[Tensor, "N 2"]) -> _Matches:
+def _matches(seen: Float[Tensor, "C S 2"], drawing: "cKDTree") -> _Matches:
     """The nearest point of a stroke for each of the drawing, and the other way round, among those of like direction."""
     from scipy.spatial import cKDTree
 
     tangents = _unit(torch.gradient(seen, dim=1)[0]).flatten(0, 1)
     strokes = torch.cat([seen.flatten(0, 1), heading(tangents)], 1).numpy()
-    drawing = torch.cat([drawn, heading(along)], 1).numpy()
-    of_drawing, of_strokes = cKDTree(strokes).query(drawing)[1], cKDTree(drawing).query(strokes)[1]
-    weights = [1 / len(drawing), BACKWARD / len(strokes)]
+    of_drawing, of_strokes = cKDTree(strokes).query(drawing.data)[1], drawing.query(strokes)[1]
+    weights = [1 / drawing.n, BACKWARD / len(strokes)]
     return _Matches(
         torch.from_numpy(np.concatenate([of_drawing, np.arange(len(strokes))])),
-        torch.from_numpy(np.concatenate([np.arange(len(drawing)), of_strokes])),
-        torch.tensor(weights, dtype=torch.float64).repeat_interleave(torch.tensor([len(drawing), len(strokes)])),
+        torch.from_numpy(np.concatenate([np.arange(drawing.n), of_strokes])),
+        torch.tensor(weights, dtype=torch.float64).repeat_interleave(torch.tensor([drawing.n, len(strokes)])),
     )
 
 

@@ -12,6 +12,7 @@ from diff3ds.formats import save_png
 from diff3ds.guidance.networks.zero123 import ReferencePose
 from diff3ds.library.faces import Faces
 from diff3ds.library.phrase import Request, parse
+from diff3ds.parallel.in_copies import in_copies
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.recognition.bend import Bend, bend_to
 from diff3ds.recognition.picture_colors import PictureColors
@@ -151,8 +152,9 @@ def _recognised(
 
 def _bent(exemplars: Exemplars, lines: PlacedLines) -> Exemplars:
     """What a picture shows, bent towards its lines, the nearest to them first, without details that it lacks."""
-    bends = [bend_to(member, lines, exemplars.mirrored) for member in exemplars.meant]
-    members = [bend.sketch(member) for bend, member in zip(bends, exemplars.meant, strict=True)]
+    meant = exemplars.meant
+    bends = in_copies(lambda i: bend_to(meant[i], lines, exemplars.mirrored), len(meant), len(meant))
+    members = [bend.sketch(member) for bend, member in zip(bends, meant, strict=True)]
     others = [m for m, fits in zip(exemplars.members, exemplars.fitting, strict=True) if not fits]
     order = sorted(range(len(members)), key=lambda i: gap(lines.lines, members[i], lines.camera))
     faces = [partial(_bent_faces, bends[i], exemplars.faces[i]) for i in order] if exemplars.faces else []
