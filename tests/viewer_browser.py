@@ -20,6 +20,9 @@ FLAGS = (
 PATIENCE = 300
 # Of a window whose pictures show more than most tests ask of them, and take twice the time.
 LARGE = {"width": 660, "height": 260}
+# Pixels of the screen to one of CSS where nobody looks at the picture: a sixteenth is drawn, and the mouse stays where
+# it is.
+COARSE = 0.25
 # When what was drawn last is on the screen.
 SHOWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
 

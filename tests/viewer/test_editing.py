@@ -5,7 +5,7 @@ import json
 import pytest
 import torch
 from served_page import served
-from viewer_browser import CHROMIUM, Browser
+from viewer_browser import CHROMIUM, COARSE, Browser
 from waiting import until
 
 import diff3ds as ds
@@ -44,7 +44,7 @@ def browser():
 
 def opened(browser, address):
     """Shows a page, and does not wait until all of it is drawn."""
-    browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=1, mobile=False)
+    browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=COARSE, mobile=False)
     browser.ask("Page.navigate", url="about:blank")
     browser.settle("location.href === 'about:blank'")
     # Of the page before, which may have asked its server to the end.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from served_page import served_studio
-from viewer_browser import CHROMIUM, Browser
+from viewer_browser import CHROMIUM, COARSE, Browser
 from waiting import until
 
 import diff3ds as ds
@@ -57,7 +57,7 @@ def drop(browser, name: str, content: str | bytes) -> None:
 
 def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
     with served_studio(tmp_path) as server:
-        browser.open(server.address, 1000, 900)
+        browser.open(server.address, 1000, 900, COARSE)
         assert not browser.value("document.getElementById('nothing').hidden")
         say(browser, "two chiars beside a table")
         browser.settle("document.getElementById('understood').textContent.includes('table')")
@@ -97,7 +97,7 @@ def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
 def test_what_is_dropped_is_named_shown_searched_for_and_deleted(browser, tmp_path):
     ds.save(tmp_path / "mine.json", ds.Sketch(torch.arange(18.0).reshape(3, 2, 3).sin()))
     with served_studio(tmp_path) as server:
-        browser.open(server.address, 1000, 900)
+        browser.open(server.address, 1000, 900, COARSE)
         browser.value("document.getElementById('tab-drop').click()")
         drop(browser, "letter.docx", "x")
         browser.settle("document.getElementById('dropped').classList.contains('refused')")
@@ -157,7 +157,7 @@ def test_seven_kinds_of_file_are_named_and_wait_in_line(browser, tmp_path, width
         "mine.json": ((tmp_path / "chair.json").read_bytes(), "a sketch", ""),
     }
     with served_studio(tmp_path / "out") as server:
-        browser.open(server.address, width, 900)
+        browser.open(server.address, width, 900, COARSE)
         browser.value("document.getElementById('tab-drop').click()")
         for name, (content, what, command) in dropped.items():
             drop(browser, name, content)
@@ -175,7 +175,7 @@ def test_seven_kinds_of_file_are_named_and_wait_in_line(browser, tmp_path, width
 def test_every_screen_shows_all_of_it(browser, tmp_path, width):
     with served_studio(tmp_path) as server:
         server.line.add("a chair with a very long name " * 3, "text", {"phrase": "a chair"})
-        browser.open(server.address, width, 800)
+        browser.open(server.address, width, 800, COARSE)
         for tab in ("say", "draw", "drop"):
             browser.value(f"document.getElementById('tab-{tab}').click()")
             assert browser.value("document.documentElement.scrollWidth") <= width
@@ -200,9 +200,9 @@ def test_a_result_is_dark_where_the_system_is(browser, tmp_path):
         ground = "getComputedStyle(document.body).backgroundColor"
         try:
             browser.prefer("dark")
-            browser.open(server.address, 1000, 900)
+            browser.open(server.address, 1000, 900, COARSE)
             assert browser.value(ground) == "rgb(21, 23, 27)"
-            browser.open(f"{server.address}runs/mine/", 1000, 900)
+            browser.open(f"{server.address}runs/mine/", 1000, 900, COARSE)
             assert browser.value(dark)
             browser.prefer("light")
             browser.settle(f"!{dark}")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from viewer_browser import CHROMIUM, PATIENCE, Browser
+from viewer_browser import CHROMIUM, COARSE, PATIENCE, Browser
 
 import diff3ds as ds
 from diff3ds.formats.scenes.html import sketch_page
@@ -173,11 +173,11 @@ def test_the_frame_shows_the_page_and_follows_the_notebook(browser, tmp_path):
 @pytest.mark.xdist_group("browser")
 def test_a_page_that_gets_its_size_late_shows_the_whole_sketch(browser, tmp_path):
     ds.save(tmp_path / "sketch.html", BLACK)
-    browser.open((tmp_path / "sketch.html").as_uri(), **SIZE)
+    browser.open((tmp_path / "sketch.html").as_uri(), **SIZE, scale=COARSE)
     wanted = seen(browser)
-    browser.open((tmp_path / "sketch.html").as_uri(), SIZE["width"] + 300, SIZE["height"])
+    browser.open((tmp_path / "sketch.html").as_uri(), SIZE["width"] + 300, SIZE["height"], COARSE)
     assert abs(seen(browser) - wanted).mean() > 10 * CLOSE
-    browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=1, mobile=False)
+    browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=COARSE, mobile=False)
     becomes(browser, wanted)
 
 
@@ -185,7 +185,7 @@ def test_a_page_that_gets_its_size_late_shows_the_whole_sketch(browser, tmp_path
 def test_edits_are_not_lost_when_the_notebook_has_another_sketch(browser, tmp_path):
     page = sketch_page("sketch", BLACK, framed=True)
     (tmp_path / "framed.html").write_text(page, encoding="utf-8")
-    browser.open((tmp_path / "framed.html").as_uri(), 440, 180)
+    browser.open((tmp_path / "framed.html").as_uri(), scale=COARSE)
     news = json.dumps({name: json.loads(_element(sketch_page("sketch", RED), name)) for name in ("sketch", "start")})
     color = "document.querySelector('#strokes input[type=color]').value"
     for key in ("n", "c"):
