@@ -11,13 +11,14 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Tensor
+from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.constraints import Constraint, fixed, smooth
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import descend
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.pictures.frame import Frame
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
@@ -38,6 +39,9 @@ EXTRA = 0.1
 OFF = 1.0
 # Joints that turn by less than this become smooth, radians.
 SMOOTHED = 0.5
+
+# Of each point of a line the nearest place on a stroke, and of each such place the nearest point of a line.
+Nearest = tuple[Int[Tensor, " L"], Int[Tensor, " P"]]
 
 
 def fit_strokes(
@@ -74,7 +78,16 @@ def fit_strokes(
     def loss(sketch: Sketch, step: int) -> Tensor:
         some = generator.choice(VIEWS, BATCH, replace=False).tolist()
         cubics = project(sketch, views[some]).cubics
-        away = torch.stack([drawings[v].distance(cubics[i]) for i, v in enumerate(some)]).mean()
+        # The projection is float64, whatever the sketch is.
+        t = torch.linspace(0, 1, SAMPLES, dtype=cubics.dtype)
+        along = evaluate(cubics[..., :2] / cubics[..., 2:3], cubics[..., 2], t)
+        middles = ((along[:, :, 1:] + along[:, :, :-1]) / 2).flatten(1, 2)
+        lengths = (along[:, :, 1:] - along[:, :, :-1]).norm(dim=-1).flatten(1)
+        places: Float[Array, "V P 2"] = middles.detach().numpy()
+        # What takes the time leaves Python to other threads.
+        nearest = side_by_side(lambda i: drawings[some[i]].nearest(places[i]), BATCH, BATCH)
+        pulls = zip(some, middles, lengths, nearest, strict=True)
+        away = torch.stack([drawings[v].distance(*pull) for v, *pull in pulls]).mean()
         return away + OFF * surface.distance(sketch)
 
     config = FitConfig(STEPS, Rates(RATE), LAST_RATE, constraints=constraints)
@@ -118,22 +131,22 @@ class _Drawing:
         self._place = torch.from_numpy(points.place)
         self._weight = torch.from_numpy(points.weight)
 
-    def distance(self, cubics: Float[Tensor, "M K 4"]) -> Float[Tensor, ""]:
-        """How far the lines are from strokes in the mean, and strokes from lines at `EXTRA`, pixels."""
+    def nearest(self, places: Float[Array, "P 2"]) -> Nearest | None:
+        """Of each point of a line the nearest place, and of each place the nearest point; None without lines."""
         from scipy.spatial import cKDTree
 
-        # The projection is float64, whatever the sketch is.
-        t = torch.linspace(0, 1, SAMPLES, dtype=cubics.dtype)
-        along = evaluate(cubics[..., :2] / cubics[..., 2:3], cubics[..., 2], t)
-        middle = ((along[:, 1:] + along[:, :-1]) / 2).reshape(-1, 2)
-        length = (along[:, 1:] - along[:, :-1]).norm(dim=-1).reshape(-1)
-        whole = self._weight.sum()
-        if self._tree is None or not float(whole) > 0:
+        if self._tree is None or not float(self._weight.sum()) > 0:
+            return None
+        found = cKDTree(places).query(self._place.numpy())[1], self._tree.query(places)[1]
+        return torch.from_numpy(found[0]), torch.from_numpy(found[1])
+
+    def distance(
+        self, middle: Float[Tensor, "P 2"], length: Float[Tensor, " P"], nearest: Nearest | None
+    ) -> Float[Tensor, ""]:
+        """How far the lines are from places on strokes in the mean, and these from lines at `EXTRA`, pixels."""
+        if nearest is None:
             return 0.0 * middle.sum()
-        places: Float[Array, "P 2"] = middle.detach().numpy()
-        nearest = torch.from_numpy(cKDTree(places).query(self._place.numpy(), workers=-1)[1])
-        missing = (middle[nearest] - self._place).norm(dim=1) @ self._weight
-        there = self._place[torch.from_numpy(self._tree.query(places, workers=-1)[1])]
-        extra = (middle - there).norm(dim=1) @ length
-        mean: Tensor = (missing + EXTRA * extra) / whole
+        missing = (middle[nearest[0]] - self._place).norm(dim=1) @ self._weight
+        extra = (middle - self._place[nearest[1]]).norm(dim=1) @ length
+        mean: Tensor = (missing + EXTRA * extra) / self._weight.sum()
         return mean
