@@ -175,8 +175,8 @@ def test_curves_alone_are_no_solid(tmp_path, name, write):
         ("a.step", "ISO-10303-21;\nHEADER;", "cut off"),
         ("a.step", "ISO-10303-21;\nrubbish\nEND-ISO-10303-21;", "OCCT"),
         ("a.igs", "", "OCCT cannot read this IGES file"),
-        ("a.iges", "rubbish\n" * 9, "OCCT cannot read this IGES file"),
-        ("a.brep", "", "OCCT cannot read this BREP file"),
+        pytest.param("a.iges", "rubbish\n" * 9, "OCCT cannot read this IGES file", marks=pytest.mark.slow),
+        pytest.param("a.brep", "", "OCCT cannot read this BREP file", marks=pytest.mark.slow),
         ("a.brep", "DBRep_DrawableShape\n\nCASCADE Topology V1\nLocations 9999999", "OCCT"),
     ],
 )

@@ -29,7 +29,7 @@ def drawn(name):
     generator = torch.Generator().manual_seed(3)
     if name == "hatched ball":
         ball = ds.Quadrics.ellipsoids([[0.0, 0, 0]], 1.0)
-        (lines,) = ds.visible_lines(member("teapot", generator).sketch[:0], CAMERA, ball, hatch=ds.Hatch(spacing=12.0))
+        (lines,) = ds.visible_lines(member("teapot", generator).sketch[:0], CAMERA, ball, hatch=ds.Hatch(spacing=20.0))
         return lines.drawn("drop").to(torch.float32)
     sketch = member(name, generator).sketch
     if name == "castle":

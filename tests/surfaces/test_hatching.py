@@ -40,11 +40,6 @@ def plane() -> ds.TriangleMesh:
 
 
 @functools.cache
-def upright() -> ds.TriangleMesh:
-    return ds.TriangleMesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
-
-
-@functools.cache
 def part() -> ds.TriangleMesh:
     """A round peg through a plate, as two pieces that go through each other."""
     plate, peg = trimesh.creation.box((1.8, 1.2, 0.3)), trimesh.creation.cylinder(0.4, 1.4, 48)
@@ -78,7 +73,7 @@ def test_lines_are_as_far_apart_as_asked(surface):
     _, pixels, way = points_on(hatching(surface(), view, tones=1, spacing=spacing), view)
     tree = cKDTree(pixels)
     gaps = []
-    for row in np.random.default_rng(0).choice(len(pixels), 1000):
+    for row in np.random.default_rng(0).choice(len(pixels), 400):
         near = pixels[tree.query_ball_point(pixels[row], 2 * spacing)] - pixels[row]
         across, along = np.abs(near @ [-way[row, 1], way[row, 0]]), near @ way[row]
         beside = across[(np.abs(along) < 0.6) & (across > 0.3 * spacing)]
@@ -86,12 +81,20 @@ def test_lines_are_as_far_apart_as_asked(surface):
         if len(beside):
             gaps.append(beside.min() / spacing)
     gaps = np.array(gaps)
-    assert len(gaps) > 500
+    assert len(gaps) > 200
     assert abs(gaps.mean() - 1) < 0.15
     assert (np.abs(gaps - 1) < 0.15).mean() > 0.8
 
 
-@pytest.mark.parametrize(("tones", "stipple"), [(1, False), (3, False), (4, False), (1, True), (3, True), (4, True)])
+@pytest.mark.parametrize(
+    ("tones", "stipple"),
+    [
+        (1, False),
+        (4, False),
+        (4, True),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in [(3, False), (1, True), (3, True)]),
+    ],
+)
 def test_a_ball_is_as_dark_as_the_light_says(tones, stipple):
     view = camera()
     strokes = hatching(ball(4), view, tones=tones, spacing=4.0, stipple=stipple)
@@ -193,7 +196,7 @@ def test_no_line_runs_through_what_hides_it(stipple):
     view, surface = camera(), part()
     strokes = hatching(surface, view, spacing=5.0, stipple=stipple)
     points, _, _ = points_on(strokes, view)
-    points = points[np.random.default_rng(1).choice(len(points), 2000)]
+    points = points[np.random.default_rng(1).choice(len(points), 700)]
     eye = view.centers[0].numpy()
     # Half a pixel, as strokes are fitted: 1/200 of the size.
     assert hidden_by_rays(points, eye, surface, 0.01).mean() < 0.002
@@ -240,14 +243,13 @@ def test_depth_hatches_what_is_near():
 
 @pytest.mark.parametrize("stipple", [False, True])
 def test_a_picture_is_laid_over_what_is_seen(stipple):
-    """A ramp from white at the left to black at the right, and black below the middle, on a wall of two triangles."""
+    """A ramp from white at the left to black at the right, and black below the middle, on a square from above."""
     ramp = np.broadcast_to(1 - (np.arange(64) + 0.5) / 64, (64, 64)).copy()
     ramp[32:] = 0
-    wall = upright()
-    view = ds.orbit([0.0], [0.0], 4.0, fov=30.0, size=SIZE).to(torch.float64)
-    strokes = hatching(wall, view, by=ramp, tones=4, spacing=4.0, stipple=stipple)
+    view = ds.orbit([0.0], [90.0], 4.0, fov=30.0, size=200).to(torch.float64)
+    strokes = hatching(plane(), view, by=ramp, tones=4, spacing=4.0, stipple=stipple)
     got = gaussian_filter(1 - ds.render(strokes, view).color[0, ..., 0].numpy(), 6)
-    corners = Picture.of(view, 0).seen(wall.vertices)[0]
+    corners = Picture.of(view, 0).seen(plane().vertices)[0]
     (left, top), (right, low) = corners.min(0), corners.max(0)
     for across, down in [(0.2, 0.25), (0.5, 0.25), (0.8, 0.25), (0.2, 0.75), (0.8, 0.75)]:
         place = round(top + down * (low - top)), round(left + across * (right - left))
