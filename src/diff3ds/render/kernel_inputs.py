@@ -179,11 +179,12 @@ def of_strokes(
 
 def _projections(cameras: Sequence[Cameras], backend: str) -> tuple[Tensor, PlainCameras | None]:
     """The projections of all views, or room for them and the cameras that kernels make them of."""
+    if backend != "cuda":
+        return _joined([c.projection for c in cameras]), None
     given = [t for c in cameras for t in (c.world_to_camera, c.intrinsics)]
     dtype = given[0].dtype
     # On a GPU the five operations of torch that it takes last longer than many a drawing.
-    plain = dtype in (torch.float32, torch.float64) and all(t.dtype == dtype and is_ordinary(t) for t in given)
-    if backend != "cuda" or not plain:
+    if dtype not in (torch.float32, torch.float64) or not all(t.dtype == dtype and is_ordinary(t) for t in given):
         return _joined([c.projection for c in cameras]), None
     poses, intrinsics = _joined(given[::2]).contiguous(), _joined(given[1::2]).contiguous()
     return poses.new_empty(poses.shape, dtype=torch.float64), (poses, intrinsics)
