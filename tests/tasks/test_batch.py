@@ -22,7 +22,7 @@ from diff3ds.tasks.batch.job_file import read_jobs
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes by signals")
 SMALL = {"command": "text", "prior": "exemplar", "steps": 4, "strokes": 6, "size": 16, "sheet_every": 0}
 # Long enough to be killed: checkpoints come every 100 steps.
-LONG = {**SMALL, "steps": 200}
+LONG = {**SMALL, "steps": 300}
 FILES = ("sketch.json", "sketch.svg", "sketch.step", "preview.png")
 
 

@@ -299,11 +299,13 @@ def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):
         for address in ((tmp_path / "a.html").as_uri(), server.address):
             browser.open(address, width=660)
             check(30, 20)
+            browser.key("ArrowRight")
+            check(25, 20)
             assert not browser.errors
         box = browser.value("(b => [b.x, b.y])(document.querySelector('#other').getBoundingClientRect())")
         start = (box[0] + 100, box[1] + 100)
         browser.drag(start, (start[0] + 50, start[1]))
-        check(10, 20)
+        check(5, 20)
         ds.save(tmp_path / "one.json", both)
         browser.settle("document.querySelectorAll('#strokes li').length === 10")
         browser.settle()
