@@ -5,7 +5,7 @@ import json
 import pytest
 import torch
 from served_page import served
-from viewer_browser import CHROMIUM, COARSE, Browser
+from viewer_browser import CHROMIUM, COARSE
 from waiting import until
 
 import diff3ds as ds
@@ -33,13 +33,6 @@ SQUARE = ds.Sketch(
 )
 ARC = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), 1.0, normal=(1.0, 0.0, 0.0), dtype=torch.float32), width=0.02)
 CIRCLE = ds.Sketch(ARC.points, ARC.weights, width=0.02, chains=ds.Chains.of([len(ARC.points)], True))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    browser = Browser()
-    yield browser
-    browser.close()
 
 
 def opened(browser, address):
@@ -218,7 +211,7 @@ def test_strokes_are_drawn_on_planes(page):
     assert page.undone(2) == page.bytes
 
 
-@pytest.mark.parametrize("by_mouse", [False, True])
+@pytest.mark.parametrize("by_mouse", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_deleted_duplicated_mirrored_and_fixed(page, by_mouse):
     def act(key, name):
         page.command(name) if by_mouse else page.key(key)

@@ -9,7 +9,7 @@ import torch
 from ink import ink_apart
 from line_by_line import STROKE, strokes_off, with_lines_told
 from served_page import served
-from viewer_browser import CHROMIUM, COARSE, LARGE, Browser
+from viewer_browser import CHROMIUM, COARSE, LARGE
 
 import diff3ds as ds
 from diff3ds.formats import save_png
@@ -26,13 +26,6 @@ pytestmark = [
 CLOSE = 4 / 255
 # Around it the page shows where the focus is.
 INSIDE = (slice(4, -4), slice(4, -4))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    browser = Browser()
-    yield browser
-    browser.close()
 
 
 def seen(browser, whole=False):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from served_page import served_studio
-from viewer_browser import CHROMIUM, COARSE, Browser
+from viewer_browser import CHROMIUM, COARSE
 from waiting import until
 
 import diff3ds as ds
@@ -25,13 +25,6 @@ HOUSE = [
     [(0.25, 0.5), (0.5, 0.2), (0.75, 0.5)],
     [(0.45, 0.85), (0.45, 0.68), (0.55, 0.68), (0.55, 0.85)],
 ]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    browser = Browser()
-    yield browser
-    browser.close()
 
 
 def text_of(browser, element: str) -> str:
@@ -136,7 +129,7 @@ def zipped(names: dict[str, bytes]) -> bytes:
     return held.getvalue()
 
 
-@pytest.mark.parametrize("width", [390, 1000])
+@pytest.mark.parametrize("width", [pytest.param(390, marks=pytest.mark.slow), 1000])
 def test_seven_kinds_of_file_are_named_and_wait_in_line(browser, tmp_path, width):
     """A picture, a mesh, a cloud, a solid, photographs, photographs with COLMAP's cameras, and a sketch."""
     chair = member("chair", torch.Generator().manual_seed(0)).sketch
@@ -171,7 +164,7 @@ def test_seven_kinds_of_file_are_named_and_wait_in_line(browser, tmp_path, width
         assert not browser.errors
 
 
-@pytest.mark.parametrize("width", [390, 820, 2560])
+@pytest.mark.parametrize("width", [390, pytest.param(820, marks=pytest.mark.slow), 2560])
 def test_every_screen_shows_all_of_it(browser, tmp_path, width):
     with served_studio(tmp_path) as server:
         server.line.add("a chair with a very long name " * 3, "text", {"phrase": "a chair"})

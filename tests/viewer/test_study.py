@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.stats
-from viewer_browser import CHROMIUM, Browser
+from viewer_browser import CHROMIUM
 
 import diff3ds as ds
 from diff3ds.library import member
@@ -189,39 +189,38 @@ def test_the_page_does_not_say_whose_sketches_are(study):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)")
 @pytest.mark.xdist_group("browser")
-def test_participants_in_a_browser_are_asked_in_their_own_order_and_get_their_answers(study, answered):
+def test_participants_in_a_browser_are_asked_in_their_own_order_and_get_their_answers(browser, study, answered):
     key = key_of(study)
     orders = set()
     for number in range(3):
-        browser = Browser()
-        try:
-            browser.open((study / "study.html").as_uri(), width=760, height=900)
-            browser.value("document.getElementById('begin').click()")
-            for at in range(6):
-                place = browser.value("document.getElementById('place').textContent")
-                assert place == f"Sketch {at + 1} of 6"
-                assert browser.value("document.getElementById('next').disabled")
-                # What is not answered is not passed.
-                browser.value("document.getElementById('ask').requestSubmit()")
-                assert browser.value("document.getElementById('place').textContent") == place
-                for name, mark in (("quality", 1 + at % 5), ("match", 2 + number)):
-                    browser.value(f"document.querySelector('input[name={name}][value=\"{mark}\"]').click()")
-                if number == at == 0:
-                    browser.value("document.getElementById('sketch').decode()")
-                    assert browser.value("document.getElementById('sketch').naturalWidth") == 512
-                browser.value("document.getElementById('ask').requestSubmit()")
-            # Back and forth again, with what was said.
-            browser.value("document.getElementById('again').click()")
-            assert browser.value("document.querySelector('input[name=match]:checked').value") == str(2 + number)
+        browser.open((study / "study.html").as_uri(), width=760, height=900)
+        # Another participant, whose browser knows nothing of the last.
+        browser.value("localStorage.clear()")
+        browser.open((study / "study.html").as_uri(), width=760, height=900)
+        browser.value("document.getElementById('begin').click()")
+        for at in range(6):
+            place = browser.value("document.getElementById('place').textContent")
+            assert place == f"Sketch {at + 1} of 6"
+            assert browser.value("document.getElementById('next').disabled")
+            # What is not answered is not passed.
             browser.value("document.getElementById('ask').requestSubmit()")
-            assert not browser.value("document.getElementById('end').hidden")
-            name = browser.value("document.getElementById('save').download")
-            text = browser.value("fetch(document.getElementById('save').href).then(r => r.text())"
-                                 ".catch(() => document.getElementById('save').dataset.text)")  # fmt: skip
-            assert browser.requests[:1] == [(study / "study.html").as_uri()]
-            assert all(r.startswith(("data:", "file:", "blob:")) for r in browser.requests)
-        finally:
-            browser.close()
+            assert browser.value("document.getElementById('place').textContent") == place
+            for name, mark in (("quality", 1 + at % 5), ("match", 2 + number)):
+                browser.value(f"document.querySelector('input[name={name}][value=\"{mark}\"]').click()")
+            if number == at == 0:
+                browser.value("document.getElementById('sketch').decode()")
+                assert browser.value("document.getElementById('sketch').naturalWidth") == 512
+            browser.value("document.getElementById('ask').requestSubmit()")
+        # Back and forth again, with what was said.
+        browser.value("document.getElementById('again').click()")
+        assert browser.value("document.querySelector('input[name=match]:checked').value") == str(2 + number)
+        browser.value("document.getElementById('ask').requestSubmit()")
+        assert not browser.value("document.getElementById('end').hidden")
+        name = browser.value("document.getElementById('save').download")
+        text = browser.value("fetch(document.getElementById('save').href).then(r => r.text())"
+                             ".catch(() => document.getElementById('save').dataset.text)")  # fmt: skip
+        assert browser.requests[:1] == [(study / "study.html").as_uri()]
+        assert all(r.startswith(("data:", "file:", "blob:")) for r in browser.requests)
         answers = json.loads(text)
         order = [a["sketch"] for a in answers["answers"]]
         assert {*order} == key["sketches"].keys()

@@ -12,7 +12,7 @@ from ink import ink_apart
 from line_by_line import CONTOUR, ENDS, FLAT, STROKE, contours_off, strokes_off, with_lines_told
 from served_page import served
 from sweep import sweep
-from viewer_browser import CHROMIUM, COARSE, LARGE, Browser
+from viewer_browser import CHROMIUM, COARSE, LARGE
 
 import diff3ds as ds
 from diff3ds.formats.framing import framed
@@ -29,13 +29,6 @@ pytestmark = pytest.mark.xdist_group("browser")
 CLOSE = 4 / 255
 # Around it the page shows where the focus is.
 INSIDE = (slice(4, -4), slice(4, -4))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    browser = Browser()
-    yield browser
-    browser.close()
 
 
 def torus(around=48, across=24, tube=0.4):

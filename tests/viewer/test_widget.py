@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from viewer_browser import CHROMIUM, COARSE, PATIENCE, Browser
+from viewer_browser import COARSE, PATIENCE
 
 import diff3ds as ds
 from diff3ds.formats.scenes.html import sketch_page
@@ -115,15 +115,6 @@ window.change = (index) => { values.page = pages[index]; listeners.forEach((act)
 window.end = module.default.render({ model, el: document.getElementById("el") });
 document.documentElement.dataset.settled = "true";
 </script>"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("there is no Chromium (Debian: apt-get install chromium)")
-    browser = Browser()
-    yield browser
-    browser.close()
 
 
 def seen(browser):
