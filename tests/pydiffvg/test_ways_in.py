@@ -48,14 +48,18 @@ def run(folder, *arguments, **environment):
     return done.returncode, done.stdout.strip(), done.stderr
 
 
-def test_a_script_that_is_not_touched(script, monkeypatch):
-    code, said, error = run(script, "-m", "diff3ds.pydiffvg", "inner/main.py", "--its", "args")
-    assert code == 0, error
-    assert said == "['--its', 'args'] inner/main.py beside"
+@pytest.mark.slow
+def test_a_module_that_is_not_touched(script):
     code, said, error = run(script / "inner", "-m", "diff3ds.pydiffvg", "-m", "main", "7")
     assert code == 0, error
     assert said.startswith("['7']")
     assert said.endswith("beside")
+
+
+def test_a_script_that_is_not_touched(script, monkeypatch):
+    code, said, error = run(script, "-m", "diff3ds.pydiffvg", "inner/main.py", "--its", "args")
+    assert code == 0, error
+    assert said == "['--its', 'args'] inner/main.py beside"
     with monkeypatch.context() as patch:
         patch.setattr(sys, "argv", ["diff3ds.pydiffvg", "none.py"])
         patch.setattr("diff3ds.pydiffvg.__main__.install", lambda: None)
@@ -63,6 +67,7 @@ def test_a_script_that_is_not_touched(script, monkeypatch):
             main()
 
 
+@pytest.mark.slow
 def test_the_distribution_gives_the_name(script):
     code, said, error = run(script, "inner/main.py", PYTHONPATH=str(ROOT / "drop_in"))
     assert code == 0, error

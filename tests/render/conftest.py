@@ -13,6 +13,14 @@ CUDA = ["cuda", *on_device("cuda on the device")]
 KERNELS = [*(name for name in available_backends() if name == "cpu"), *CUDA]
 
 
+# The reference draws slowly: of these tests the cases that are quick with it. The kernels' are all quick.
+QUICK_OF_REFERENCE = {
+    "test_a_batch_is_a_loop_to_the_last_bit": ("kinds",),
+    "test_nothing_outlives_a_transform": ("grad", "hessian", "jvp", "record"),
+    "test_outline_of_a_straight_stroke": (),
+}
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items) -> None:
     """The reference takes seconds to sample; with the kernels' samples its own are compared in any run."""
@@ -21,7 +29,9 @@ def pytest_collection_modifyitems(items) -> None:
             continue
         given = item.callspec.params
         sampled = given.get("antialiasing") == "montecarlo" or "sample" in item.originalname
-        if given.get("backend") == "reference" and sampled:
+        quick = QUICK_OF_REFERENCE.get(item.originalname)
+        left_out = quick is not None and not any(value in quick for value in given.values())
+        if given.get("backend") == "reference" and (sampled or left_out):
             item.add_marker("slow")
 
 

@@ -153,7 +153,10 @@ def sampled(backend: str, dtype: torch.dtype, width_space: str, orthographic: bo
 sampled_by_reference = functools.cache(functools.partial(sampled, "reference"))
 
 
-@pytest.mark.parametrize(("dtype", "width_space", "orthographic"), with_slow(VIEWS))
+@pytest.mark.parametrize(
+    ("dtype", "width_space", "orthographic"),
+    [*with_slow(VIEWS[::2]), *(pytest.param(dtype, *VIEWS[1], marks=pytest.mark.slow) for dtype in DTYPES)],
+)
 def test_montecarlo_images_and_interior_gradients(kernels, dtype, width_space, orthographic):
     """The same seed gives the same samples: pictures agree but for samples on an edge, which rounding may flip."""
     case = dtype, width_space, orthographic
@@ -165,7 +168,7 @@ def test_montecarlo_images_and_interior_gradients(kernels, dtype, width_space, o
 
 
 @pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("dtype", [pytest.param(torch.float32, marks=pytest.mark.slow), torch.float64])
 @pytest.mark.parametrize(("width_space", "orthographic"), VIEWS)
 def test_montecarlo_gradients_of_shapes(cuda, dtype, width_space, orthographic):
     """The CUDA kernels' against the CPU's, which put the same points on outlines: only few may fall elsewhere."""
@@ -185,6 +188,7 @@ def sampled_shapes(backend: str, dtype: torch.dtype, width_space: str, orthograp
     return torch.autograd.grad(loss, [sketch.points, sketch.weights, sketch.width])
 
 
+@pytest.mark.slow
 def test_samples_at_the_border_of_tiles(kernels):
     """Strokes whose edge ends between the last pixel centres of a tile and its border are seen by samples there."""
     ends = torch.tensor([[16.0 + 2.2, 2.0], [16.0 + 2.2, 30.0]])

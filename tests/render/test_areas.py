@@ -165,7 +165,7 @@ class TestKernels:
         for name, value in expected.items():
             assert torch.allclose(found[name], value, atol=1e-3 * (1 + float(value.abs().max()))), name
 
-    @pytest.mark.parametrize("seed", range(12))
+    @pytest.mark.parametrize("seed", [pytest.param(k, marks=[pytest.mark.slow] * (k > 3)) for k in range(12)])
     def test_contours_by_chance(self, kernels, seed):
         """Loops, cusps and corners of all kinds of segments, in both rules and stroked, some far outside."""
         g = torch.Generator().manual_seed(seed)
@@ -196,6 +196,7 @@ class TestKernels:
             assert torch.equal(image.to("cpu"), expected_image)
             assert torch.equal(found["points"].to("cpu"), expected["points"])
 
+    @pytest.mark.slow
     @NO_CPU
     def test_the_number_of_threads_changes_no_bit(self):
         results = []

@@ -135,7 +135,7 @@ def test_widths_may_be_zero_at_the_end(backend):
 
 
 @pytest.mark.parametrize("space", ["image", "world"])
-@pytest.mark.parametrize("along", [False, True])
+@pytest.mark.parametrize("along", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_stroke_split_anywhere_draws_the_same(backend, space, along):
     g = torch.Generator().manual_seed(4)
     points = 0.7 * torch.randn(1, 4, 3, generator=g, dtype=torch.float64)
@@ -338,6 +338,7 @@ def sampled_gradients(backend: str, space: str) -> dict[str, torch.Tensor]:
     return dict(zip(values, total, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("space", ["world", pytest.param("image", marks=pytest.mark.slow)])
 def test_sampled_gradients_agree_between_kernels_and_reference(kernels, space):
     """The same samples inside; points on outlines are others, so that only their sums are alike."""

@@ -30,7 +30,7 @@ def test_order_of_threads_and_blocks_does_not_matter(device, antialiasing, width
     ("antialiasing", "width_space"),
     [
         ("analytic", "image"),
-        ("montecarlo", "world"),
+        pytest.param("montecarlo", "world", marks=pytest.mark.slow),
         pytest.param("analytic", "world", marks=pytest.mark.slow),
         pytest.param("montecarlo", "image", marks=pytest.mark.slow),
     ],
@@ -45,6 +45,7 @@ def test_sums_over_views_and_strokes_have_an_order(device, antialiasing, width_s
             assert (got - known).norm() < 1e-2 * known.norm()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
 def test_more_strokes_than_a_block_adds_up_at_a_time(device):
     g = torch.Generator().manual_seed(0)

@@ -30,8 +30,13 @@ def little_optimised(monkeypatch):
         monkeypatch.setitem(compiling.OPTIONS, part, {**options, "ofast_compile": "max"})
 
 
+# A second and more each; a compiler of C++ reads all of them in the tests that emulate them.
+LARGE = ("areas", "differentiate", "samples")
+QUICK_AND_SLOW = [pytest.param(part, marks=[pytest.mark.slow] * (part in LARGE)) for part in PARTS]
+
+
 @pytest.mark.usefixtures("little_optimised")
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", QUICK_AND_SLOW)
 def test_every_part_compiles(part):
     check_compiles(part, "sm_90")
 

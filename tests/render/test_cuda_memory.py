@@ -45,6 +45,10 @@ def test_lists_have_room_for_what_they_hold(real):
     assert {name: room[name] for name in lists} == {name: 1000 * bytes_ for name, bytes_ in lists.items()}
 
 
+# With samples the emulated kernels take three times as long.
+ANALYTIC = ["analytic", pytest.param("montecarlo", marks=pytest.mark.slow)]
+
+
 class Dirty(Arrays):
     """Memory that nobody wrote holds anything."""
 
@@ -53,6 +57,7 @@ class Dirty(Arrays):
         self.memory.random_()
 
 
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_memory_that_nobody_wrote_may_hold_anything(device, antialiasing, monkeypatch):
     strokes = crowd(8)
     expected = results(strokes, (24, 30), antialiasing), of_a_sketch(antialiasing, "image")
@@ -76,6 +81,7 @@ def test_images_are_freed_with_their_last_name(device):
         gc.enable()
 
 
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_too_little_memory_is_found_out(device, memories, antialiasing, monkeypatch):
     """Every list begins far too short: the first call grows them, and draws what it always draws."""
     expected = results(crowd(), 40, antialiasing)
@@ -88,6 +94,7 @@ def test_too_little_memory_is_found_out(device, memories, antialiasing, monkeypa
     assert device.waits - before > len(limits.LISTS[:5])
 
 
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_proven_calls_do_not_wait(device, antialiasing):
     results(crowd(), 40, antialiasing)
     before = device.waits
@@ -117,7 +124,7 @@ def test_the_least_memory_does_not_grow_with_samples(device):
         assert room < 70 + 1.5 * shape.samples * 0.3, (strata, room)
 
 
-@pytest.mark.parametrize("antialiasing", ["analytic", pytest.param("montecarlo", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_small_drawings_never_outgrow_their_memory(device, antialiasing):
     """A sketch of hair lines, and then one whose every stroke fills the picture."""
     expected = results(crowd(20, half_width=60.0), (60, 80), antialiasing, "cpu")
@@ -126,6 +133,7 @@ def test_small_drawings_never_outgrow_their_memory(device, antialiasing):
         assert torch.allclose(got, known, rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories, antialiasing, monkeypatch):
     """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
@@ -140,6 +148,7 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
     assert_same(again, expected)
 
 
+@pytest.mark.parametrize("antialiasing", ANALYTIC)
 def test_large_drawings_wait_and_take_little_more_than_they_need(device, memories, antialiasing, monkeypatch):
     """What spoils a smaller drawing only makes a large one wait; and a captured one cannot."""
     thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
@@ -217,6 +226,7 @@ def test_what_was_not_counted_is_not_written(device, memories, monkeypatch, kern
         assert not (memory[array][last - size : last] == 0xAB).all(), array
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an earlier drawing needed more memory")
 def test_a_drawing_too_large_for_the_memory_is_not_remembered(device, memories, antialiasing, monkeypatch):
     """It is an error, in the forward or the backward pass; a smaller one of its kind then finds its room."""

@@ -106,9 +106,9 @@ def test_many_strokes_over_one_pixel(backend, antialiasing):
     depth = 1 + torch.rand(300, generator=generator, dtype=torch.float64)
     color = torch.rand(300, 3, generator=generator, dtype=torch.float64)
     line = torch.tensor([[-3.0, 0.4], [4.0, 0.6]]).expand(300, 2, 2)
-    strokes = strokes_at(line, half_width=50.0, depth=depth[:, None], color=color, opacity=opacity)
+    strokes = strokes_at(line, half_width=5.0, depth=depth[:, None], color=color, opacity=opacity)
     tensors = tracked(strokes, "color", "opacity")
-    image = draw(strokes, 1, backend, antialiasing, background=0.3)
+    image = draw(strokes, 1, backend, antialiasing, background=0.3, samples=4)
     order = depth.argsort()
     clear = (1 - opacity[order]).cumprod(0)
     front = torch.cat([torch.ones(1).double(), clear[:-1]]) * opacity[order]

@@ -86,7 +86,8 @@ def test_the_edge_of_a_dot_is_across_its_ellipse(backend, kind):
     lens = torch.tensor([[fx, skew], [0, fy]], dtype=torch.float64)
     y, x = torch.meshgrid(torch.arange(40) + 0.5, torch.arange(60) + 0.5, indexing="ij")
     place = torch.stack([x - 30, y - 20], -1).double()
-    for number in range(12):
+    # Two radii and three numbers of control points.
+    for number in range(6):
         depth = 1.5 + torch.rand(1, generator=generator, dtype=torch.float64)
         center, radius = 0.3 * torch.rand(2, generator=generator, dtype=torch.float64) - 0.15, (0.15, 0.005)[number % 2]
         dot = torch.cat([center * depth, depth]).expand(1, 2 + number % 3, 3)
@@ -101,7 +102,7 @@ def test_the_edge_of_a_dot_is_across_its_ellipse(backend, kind):
         torch.testing.assert_close(alpha, exact, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["even", "along"])
+@pytest.mark.parametrize("kind", [pytest.param("even", marks=pytest.mark.slow), "along"])
 def test_it_is_the_picture_of_square_pixels_stretched(backend, kind):
     """Many square pixels in place of each oblong one, whose mean is what it shows, but for corners and thin edges."""
     sketch = tubes(kind)
@@ -151,7 +152,7 @@ def gradients(backend: str, shape: str, blur: float, kind: str, orthographic: bo
 by_reference = functools.cache(functools.partial(gradients, "reference"))
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["even", "along"])
 @pytest.mark.parametrize("blur", [0.0, 1.2])
 def test_kernels_draw_and_differentiate_as_the_reference(kernels, blur, kind, orthographic):

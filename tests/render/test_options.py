@@ -21,7 +21,7 @@ def seeded(seed=5):
 
 def pictures(backend, options):
     """All images of a sketch, drawn by `render` and, projected before, by `rasterize`."""
-    sketch, cameras = ds.Sketch(FIRST, width=0.1), ds.orbit([20.0, 100.0], size=(24, 31), distance=2.0)
+    sketch, cameras = ds.Sketch(FIRST, width=0.1), ds.orbit([20.0, 100.0], size=(12, 15), distance=2.0)
     ways = (
         ds.render(sketch, cameras, backend=backend, **options()),
         ds.rasterize(ds.project(sketch, cameras), cameras.size, backend=backend, **options()),

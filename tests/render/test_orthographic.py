@@ -66,6 +66,7 @@ def drawn(sketch: Sketch, cameras: Cameras, distance: float, backend: str, how: 
     return images, dict(zip(inputs, torch.autograd.grad(loss, list(inputs.values())), strict=True))
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_differences():
     """Of the reference by every input, those of cameras included, along a random direction of each."""
     sketch, cameras = sketch_of("world"), cameras_at(NEAR, orthographic=True)

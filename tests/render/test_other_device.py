@@ -40,7 +40,8 @@ def drawn(device: torch.device, antialiasing: str, backend: str | None) -> dict[
 
 @pytest.mark.filterwarnings("ignore:diff3ds was installed without")
 @pytest.mark.parametrize(
-    ("antialiasing", "backend"), [("analytic", None), ("montecarlo", None), ("analytic", "reference")]
+    ("antialiasing", "backend"),
+    [("analytic", None), ("montecarlo", None), pytest.param("analytic", "reference", marks=pytest.mark.slow)],
 )
 def test_drawn_on_the_cpu_and_moved_back(device, antialiasing, backend):
     """To the bit what the CPU draws, on the device of the strokes, in their dtype; told once."""
