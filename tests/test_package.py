@@ -128,7 +128,8 @@ def _imports(path: Path) -> set[str]:
         if isinstance(node, ast.List) and any(getattr(each, "value", None) == "-m" for each in node.elts):
             programs |= set(map(id, node.elts))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in programs:
-            found |= {node.value} & (MODULES.keys() - {"diff3ds"})
+            if node.value in MODULES and node.value != "diff3ds":
+                found.add(node.value)
         elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

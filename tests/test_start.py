@@ -165,3 +165,5 @@ def test_nothing_looks_for_garbage_while_something_large_is_imported(enabled, tm
     finally:
         (gc.enable if was else gc.disable)()
         gc.unfreeze()
+        # As it was before, or each search of the tests to come looks at all that collection has made.
+        gc.freeze()
