@@ -1,5 +1,6 @@
 """Gaps between ends of strokes."""
 
+import pytest
 import torch
 
 import diff3ds as ds
@@ -13,6 +14,7 @@ def lines(*ends) -> ds.Sketch:
     return ds.Sketch(pairs[:, :1] * (1 - share) + pairs[:, 1:] * share)
 
 
+@pytest.mark.slow
 def test_ends_that_nearly_meet_meet_half_way():
     found = close_gaps(lines([(0, 0, 0), (1, 0, 0)], [(1.04, 0, 0.02), (2, 0, 0)]), 0.05).points
     middle = torch.tensor([1.02, 0, 0.01])

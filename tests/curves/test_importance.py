@@ -201,6 +201,7 @@ def cube_of():
     return np.array(vertices, float), np.array([t for a, b, c, d in squares for t in ((a, b, c), (a, c, d))])
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_nothing():
     sketch, before = random(200), torch.get_num_threads()
     try:

@@ -76,7 +76,13 @@ def biased(bias):
 
 @pytest.mark.parametrize(
     "bias",
-    [Bias(0, 0, 0), Bias(0.4, -0.3, 0), Bias(0, 0, 0.6), Bias(-0.25, 0.35, 0.5), Bias(0, 0.5, -0.4)],
+    [
+        Bias(0, 0, 0),
+        pytest.param(Bias(0.4, -0.3, 0), marks=pytest.mark.slow),
+        pytest.param(Bias(0, 0, 0.6), marks=pytest.mark.slow),
+        Bias(-0.25, 0.35, 0.5),
+        Bias(0, 0.5, -0.4),
+    ],
     ids=str,
 )
 def test_the_bias_is_found(bias):

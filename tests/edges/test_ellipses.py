@@ -43,6 +43,7 @@ def implicit(points, a, b):
     return (flat @ U / a) ** 2 + (flat @ V / b) ** 2 - 1, flat @ N
 
 
+@pytest.mark.slow
 @given(
     st.floats(40, 200),
     st.floats(0.3, 0.85),

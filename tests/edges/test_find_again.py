@@ -67,6 +67,7 @@ def test_lost_cameras_agree_with_no_more_than_chance(scene):
     assert right[STRANGE] < 2
 
 
+@pytest.mark.slow
 def test_what_shows_another_thing_stays_lost(scene):
     _, wrong, views, effect, curves = scene
     back = found_again(wrong, wrong, views, effect, curves)

@@ -50,8 +50,11 @@ def fitted(curves):
     return fit_circle(sampled(curves).reshape(-1, 3))
 
 
-@pytest.mark.parametrize("pixels", [6.0, 12.0, 30.0])
-@pytest.mark.parametrize(("push", "every"), [(0.0, 2), (0.5, 2), (0.5, 4), (0.8, 3)])
+@pytest.mark.parametrize("pixels", [6.0, pytest.param(12.0, marks=pytest.mark.slow), 30.0])
+@pytest.mark.parametrize(
+    ("push", "every"),
+    [(0.0, 2), (0.5, 2), pytest.param(0.5, 4, marks=pytest.mark.slow), pytest.param(0.8, 3, marks=pytest.mark.slow)],
+)
 def test_circles_are_placed_whether_their_rims_are_pushed_or_not(pixels, push, every):
     radius = pixels * PIXEL
     curves = circle(radius)

@@ -89,7 +89,9 @@ def through(cameras, ridges, k1):
     return [lens.ridges(r, -k1, cameras.size) for r in ridges]
 
 
-@pytest.mark.parametrize("k1", [-0.05, pytest.param(0.02, marks=pytest.mark.slow), 0.0])
+@pytest.mark.parametrize(
+    "k1", [-0.05, pytest.param(0.02, marks=pytest.mark.slow), pytest.param(0.0, marks=pytest.mark.slow)]
+)
 def test_views_tell_distortion(scene, k1):
     cameras, straight = scene
     ridges = through(cameras, straight, k1)

@@ -158,6 +158,7 @@ def test_no_short_curve_gets_both_its_ends_into_one():
     assert np.linalg.norm(sampled(found)[:, -1] - sampled(found)[:, 0], axis=1).min() > cut / 2
 
 
+@pytest.mark.slow
 def test_two_pockets_side_by_side():
     """What goes of one of them stands before the curves of the other."""
     sides = [np.array([x, 0, 0]) for x in (-0.45, 0.45)]

@@ -69,6 +69,7 @@ def test_what_images_miss_is_a_mean_over_views(compiled, monkeypatch):
     torch.testing.assert_close(gradient.double(), 5 * 2 / 3 * off, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_displaced_curves_return():
     line = ((-0.5, 0.1, 0.2), (0.5, -0.2, -0.1))
     true = [segment(*line, samples=4000), arc(CENTER, *CIRCLE, samples=4000)]
@@ -119,6 +120,7 @@ def test_a_box_and_a_circle_are_found(stages):
     assert steps == list(range(len(steps)))
 
 
+@pytest.mark.slow
 def test_an_ellipse_is_found():
     """Of 41 by 21 pixels, whose ridges are off by a tenth: first as arcs and cubics, at the end as one ellipse."""
     a, b = 0.8, 0.4
@@ -138,7 +140,7 @@ def same(a, b):
 
 
 @pytest.mark.parametrize(
-    "stage", [pytest.param(stage, marks=[pytest.mark.slow] * (stage in (2, 4))) for stage in range(len(STAGES))]
+    "stage", [pytest.param(stage, marks=[pytest.mark.slow] * (stage in (1, 2, 3, 4))) for stage in range(len(STAGES))]
 )
 def test_going_on_from_a_stage_gives_the_same_bytes(stages, stage):
     """Of the next stage, and so of all."""
@@ -172,6 +174,7 @@ def test_two_threads_give_the_bytes_of_one(stages):
         torch.set_num_threads(torch_before)
 
 
+@pytest.mark.slow
 def test_curves_to_start_from(stages):
     """Given curves are refined and cleaned, and nothing is carved."""
     line = LINES[0]

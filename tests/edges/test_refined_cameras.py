@@ -99,7 +99,7 @@ def shaken(ridges, by, seed=0):
     return [replace(r, points=r.points + by * rng.normal(size=(len(r), 1)) * r.normals) for r in ridges]
 
 
-@pytest.mark.parametrize("by", [0.3, pytest.param(0.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("by", [pytest.param(0.3, marks=pytest.mark.slow), pytest.param(0.0, marks=pytest.mark.slow)])
 def test_right_cameras_stay(scene, by):
     """To the last bit: the noise of the ridges is not followed."""
     truth, ridges = scene
@@ -110,6 +110,7 @@ def test_right_cameras_stay(scene, by):
     assert not after.lost.any()
 
 
+@pytest.mark.slow
 def test_what_moving_cameras_gains_on_other_curves_tells_right_from_wrong(scene, first):
     """Of right cameras nothing; of such that are off by a sixth of a pixel nearly all."""
     truth, ridges = scene

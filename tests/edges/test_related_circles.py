@@ -33,7 +33,7 @@ BOTTOM = np.array([0, 0, -DEPTH]), DISK
 HOLES = [(np.array([*place, 0.0]), radius) for place, radius in SMALL.items()]
 
 
-@pytest.mark.parametrize("there", [[BOTTOM], [STEP, *HOLES]])
+@pytest.mark.parametrize("there", [[BOTTOM], pytest.param([STEP, *HOLES], marks=pytest.mark.slow)])
 def test_circles_on_the_axis_and_in_the_plane_of_a_known_one_are_found(there):
     found = list(with_related_circles(KNOWN, chance_of(TOP, *there), 0.0).circles.values())
     assert len(found) == 1 + len(there)
@@ -42,6 +42,7 @@ def test_circles_on_the_axis_and_in_the_plane_of_a_known_one_are_found(there):
         assert min(off) < 0.006
 
 
+@pytest.mark.slow
 def test_the_other_side_has_the_radius_of_the_known_one():
     found = list(with_related_circles(KNOWN, chance_of(TOP, (BOTTOM[0], 0.998 * DISK)), 0.0).circles.values())
     assert found[1].radius == pytest.approx(found[0].radius, abs=1e-6)
@@ -68,6 +69,7 @@ def test_of_a_circle_outside_of_what_is_looked_at_nothing_is_asked():
     assert with_related_circles(off, chance_of(TOP), 0.0) is off
 
 
+@pytest.mark.slow
 def test_where_views_show_nothing_else_curves_stay():
     assert with_related_circles(KNOWN, chance_of(TOP), 0.0) is KNOWN
     # Half a circle is none, and what stands on another axis is not looked for.
@@ -79,6 +81,7 @@ def test_where_views_show_nothing_else_curves_stay():
     assert with_related_circles(none, Chance.of(views, NARROW), 0.0) is none
 
 
+@pytest.mark.slow
 def test_pieces_along_a_circle_that_is_found_go():
     piece = curves_of([circular_arc(-0.2 * UP, HOLE * U, HOLE * V, 0, 1.0)])
     found = with_related_circles(concatenated(KNOWN, piece), chance_of(TOP, STEP), 0.0)

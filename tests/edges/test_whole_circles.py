@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned, whole
 
 from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
@@ -94,6 +95,7 @@ def test_a_small_circle_that_came_as_lines_is_found():
         assert np.linalg.norm(circle.center - CENTER - height * UP) < 5e-3 * RADIUS
 
 
+@pytest.mark.slow
 def test_a_texture_all_over_is_no_other_end_of_a_hole():
     rng = np.random.default_rng(0)
     radius, views = RADIUS / 4, []

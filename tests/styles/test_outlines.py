@@ -84,6 +84,7 @@ def bends():
     return ds.Sketch(points, weights, width=10 ** (torch.rand(40, generator=g, dtype=torch.float64) * 1.4 - 1.9))
 
 
+@pytest.mark.slow
 @needs("resvg_py")
 def test_bends_cusps_and_loops_are_covered_as_by_discs():
     sketch = bends()

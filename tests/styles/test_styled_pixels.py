@@ -27,8 +27,14 @@ STYLES = {
     "dashed": styles.Dashed(),
     "technical": styles.Technical(),
 }
-# A pencil is charcoal with other numbers.
-QUICK_AND_SLOW = [pytest.param(STYLES[name], id=name, marks=[pytest.mark.slow] * (name == "pencil")) for name in STYLES]
+QUICK = (("plain", "ink"), ("plain", "charcoal"), ("plain", "nib"), ("plain", "technical"), ("paper", "watercolour"))
+PAPER = {"paper": True, "depth_cue": 0.5}
+# A pencil is charcoal with other numbers; paper and depth change the inks of all alike.
+QUICK_AND_SLOW = [
+    pytest.param(STYLES[name], others, id=f"{name} {kind}", marks=[pytest.mark.slow] * ((kind, name) not in QUICK))
+    for name in STYLES
+    for kind, others in (("plain", {}), ("paper", PAPER))
+]
 
 
 def asked(**others):
@@ -47,8 +53,7 @@ def square(x0, y0, x1, y1):
 
 
 @needs("resvg_py")
-@pytest.mark.parametrize("style", QUICK_AND_SLOW)
-@pytest.mark.parametrize("others", [{}, {"paper": True, "depth_cue": 0.5}], ids=["plain", "paper"])
+@pytest.mark.parametrize(("style", "others"), QUICK_AND_SLOW)
 def test_pictures_are_those_of_the_svg_file(style, others):
     how = asked(**others)
     picture = styled_pixels(drawing(), CAMERA, style, **how)

@@ -27,8 +27,10 @@ SVG = "{http://www.w3.org/2000/svg}"
 LEAF = '<svg xmlns="http://www.w3.org/2000/svg"><path d="M0,0C22,-24 62,-22 100,0C62,22 22,24 0,0Z"/></svg>'
 PAGE = styles.Page((256, 256), 4.0, 0)
 ALL = ("ink", "pencil", "charcoal", "marker", "nib", "watercolour", "dashed", "technical", "stretched", "scattered")
-# A pencil is charcoal with other numbers.
-QUICK_AND_SLOW = [pytest.param(name, marks=[pytest.mark.slow] * (name == "pencil")) for name in ALL]
+# Of these all holds that holds of the others, and what is their own has tests above: grain, dashes, widths. A pencil is
+# charcoal with other numbers.
+SLOW = ("pencil", "charcoal", "marker", "dashed", "stretched")
+QUICK_AND_SLOW = [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in ALL]
 
 
 @pytest.fixture(scope="module")

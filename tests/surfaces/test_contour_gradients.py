@@ -53,7 +53,7 @@ def test_what_slides_along_the_surface_moves_nothing():
     assert abs(float(gradient)) < 0.1
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_gradients_of_a_picture_agree_with_differences(orthographic):
     """A torus that is bent, hidden parts and cusps too; blurred and fitted closely: differences mean something."""
     vertices, faces = torus(1.0, 0.4, 96, 48)

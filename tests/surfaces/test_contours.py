@@ -61,6 +61,7 @@ def test_a_sphere_has_one_round_contour_and_its_error_falls_with_the_square_of_t
     assert (errors[0] / errors[-1]) ** (1 / 4) == pytest.approx(4, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_a_torus_has_two_contours_where_they_are(orthographic):
     cameras = view(orthographic=orthographic)

@@ -133,6 +133,7 @@ def block_with_hole(count: int, noise: float, seed: int) -> np.ndarray:
     return x + noise * rng.normal(size=x.shape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, pytest.param(0.003, marks=pytest.mark.slow)])
 def test_edges_of_a_cloud_are_those_of_the_block_that_it_was_taken_from(noise):
     found = form_curves(Samples.of_points(block_with_hole(6000, noise, 0)))
@@ -166,6 +167,7 @@ def test_a_rounded_edge_of_a_mesh_is_one_line_where_its_faces_would_meet():
     assert np.abs(corners - [0.5, 0.4, 0.3]).max() < 0.005
 
 
+@pytest.mark.slow
 def test_fillets_of_a_plate_have_its_radius_and_begin_where_its_sides_end():
     radius, noise, rng = 0.12, 0.002, np.random.default_rng(3)
     # Around a square of side one with rounded corners, and between two of them.

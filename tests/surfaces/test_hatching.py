@@ -67,7 +67,7 @@ def points_on(strokes: ds.Sketch, view: ds.Cameras) -> tuple[np.ndarray, np.ndar
     return points[kept], pixels[kept], way[kept]
 
 
-@pytest.mark.parametrize("surface", [plane, ball, part])
+@pytest.mark.parametrize("surface", [plane, ball, pytest.param(part, marks=pytest.mark.slow)])
 def test_lines_are_as_far_apart_as_asked(surface):
     view, spacing = camera(), 5.0
     _, pixels, way = points_on(hatching(surface(), view, tones=1, spacing=spacing), view)
@@ -90,7 +90,7 @@ def test_lines_are_as_far_apart_as_asked(surface):
     ("tones", "stipple"),
     [
         (1, False),
-        (4, False),
+        pytest.param(4, False, marks=pytest.mark.slow),
         (4, True),
         *(pytest.param(*case, marks=pytest.mark.slow) for case in [(3, False), (1, True), (3, True)]),
     ],
@@ -191,7 +191,7 @@ def hidden_by_rays(points: np.ndarray, eye: np.ndarray, surface: ds.TriangleMesh
     return found
 
 
-@pytest.mark.parametrize("stipple", [False, True])
+@pytest.mark.parametrize("stipple", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_no_line_runs_through_what_hides_it(stipple):
     view, surface = camera(), part()
     strokes = hatching(surface, view, spacing=5.0, stipple=stipple)
@@ -205,7 +205,14 @@ def test_no_line_runs_through_what_hides_it(stipple):
     assert hidden_by_rays(turned[None], eye, surface, 0.01).all()
 
 
-@pytest.mark.parametrize(("surface", "stipple", "share"), [(part, False, 0.99), (ball, False, 0.9), (ball, True, 0.9)])
+@pytest.mark.parametrize(
+    ("surface", "stipple", "share"),
+    [
+        pytest.param(part, False, 0.99, marks=pytest.mark.slow),
+        (ball, False, 0.9),
+        pytest.param(ball, True, 0.9, marks=pytest.mark.slow),
+    ],
+)
 def test_a_small_turn_leaves_lines_where_they_are(surface, stipple, share):
     solid, views = surface(), [camera(30.0), camera(30.1)]
     drawn = [points_on(hatching(solid, view, tones=1, spacing=5.0, stipple=stipple), view) for view in views]
@@ -241,7 +248,7 @@ def test_depth_hatches_what_is_near():
     assert low > 2 * high
 
 
-@pytest.mark.parametrize("stipple", [False, True])
+@pytest.mark.parametrize("stipple", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_picture_is_laid_over_what_is_seen(stipple):
     """A ramp from white at the left to black at the right, and black below the middle, on a square from above."""
     ramp = np.broadcast_to(1 - (np.arange(64) + 0.5) / 64, (64, 64)).copy()
@@ -256,6 +263,7 @@ def test_a_picture_is_laid_over_what_is_seen(stipple):
         assert got[place] == pytest.approx(darkest(4) * (across if down < 0.5 else 1), abs=0.06)
 
 
+@pytest.mark.slow
 def test_solids_are_hatched_as_their_meshes():
     view = camera()
     for how in ({}, {"stipple": True}):
@@ -265,7 +273,7 @@ def test_solids_are_hatched_as_their_meshes():
         assert abs(length[0] / length[1] - 1) < 0.1
 
 
-@pytest.mark.parametrize("stipple", [False, True])
+@pytest.mark.parametrize("stipple", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_hidden_parts_of_hatching_are_never_drawn(stipple):
     view, solid, how = camera(), part(), ds.Hatch("light", stipple=stipple)
     edges = ds.Sketch(torch.tensor([[[-2.0, 0, 0], [2, 0, 0]]], dtype=torch.float64), width=0.01, width_space="world")

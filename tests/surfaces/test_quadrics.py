@@ -84,7 +84,7 @@ def test_from_along_an_axis_there_is_no_division_by_nothing():
             assert bool(gradient.isfinite().all())
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_gradients_of_a_picture_agree_with_differences(orthographic):
     """Of quadrics and cameras through contours, cuts and the renderer; blurred, so that differences mean something."""
     start = [
@@ -185,7 +185,7 @@ def scene() -> tuple[ds.Quadrics, ds.TriangleMesh]:
     return solids, ds.TriangleMesh(*together(*placed))
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_what_a_union_hides_is_what_a_mesh_of_it_hides(orthographic):
     solids, mesh = scene()
     g = torch.Generator().manual_seed(2)

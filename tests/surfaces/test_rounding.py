@@ -38,13 +38,14 @@ def radii(found: FormCurves) -> list[float]:
     return [edge.rounding.radius if edge.rounding else 0.0 for edge in found.edges]
 
 
-@pytest.mark.parametrize("radius", [0.0, 0.03])
+@pytest.mark.parametrize("radius", [pytest.param(0.0, marks=pytest.mark.slow), 0.03])
 def test_edges_of_a_box_have_the_radius_of_their_rounding(radius: float) -> None:
     found = form_curves(Samples.of_points(box(radius)))
     assert len(found.curves) == 12
     assert radii(found) == pytest.approx([radius] * 12, rel=0.04)
 
 
+@pytest.mark.slow
 def test_tangent_lines_of_a_box_meet_on_its_sides() -> None:
     found = form_curves(Samples.of_points(box(0.03)), rounded="tangents")
     assert found.kinds == ("tangent",) * 24
@@ -53,6 +54,7 @@ def test_tangent_lines_of_a_box_meet_on_its_sides() -> None:
     assert np.abs(off[:, 1:] - 0.03).max() < 0.002
 
 
+@pytest.mark.slow
 def test_rims_of_a_drum_begin_on_circles() -> None:
     found = form_curves(Samples.of_points(drum(0.03)), rounded="tangents")
     assert radii(found) == pytest.approx([0.03] * 2, rel=0.04)

@@ -48,6 +48,7 @@ def test_what_turns_alike_everywhere_has_none(kind: str) -> None:
     assert len(scale_creases(body(kind, 0.001))[0]) == 0
 
 
+@pytest.mark.slow
 def test_a_smooth_bumpy_mesh_has_them_unless_an_angle_is_given() -> None:
     source = Source(body("two", 0.001))
     found = source.by_forms(MeshOptions(), lambda line: None)

@@ -24,7 +24,7 @@ def prism(sides: int, height: float = 2.0) -> ds.TriangleMesh:
     return ds.TriangleMesh(points, np.concatenate([np.stack(t, 1) for t in sides_]))
 
 
-@pytest.mark.parametrize("level", [1, 2, 3])
+@pytest.mark.parametrize("level", [1, *(pytest.param(level, marks=pytest.mark.slow) for level in (2, 3))])
 def test_a_sphere_becomes_rounder(level: int) -> None:
     coarse = ds.TriangleMesh(*icosphere(level))
     smooth = ds.smooth_surface(coarse, 1e-4)

@@ -32,6 +32,7 @@ def _share(rows, name):
     return sum(row[name] * row["pixels of OCCT's"] for row in rows) / sum(row["pixels of OCCT's"] for row in rows)
 
 
+@pytest.mark.slow
 def test_a_view_of_an_assembly_is_as_occt_draws_it(assembly):
     from solid_views import compare, views_of
 

@@ -42,7 +42,7 @@ def hidden(mesh: ds.TriangleMesh, cameras: ds.Cameras, points: np.ndarray, edge:
     return answers
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SCENES)
 def test_edges_are_hidden_where_every_ray_says_so(name, orthographic):
     mesh = ds.TriangleMesh(*SCENES[name])
@@ -108,6 +108,7 @@ def test_where_a_solid_bends_towards_the_line_of_sight_its_contour_is_hidden_on_
     assert lengths[0] < 1.01 * lengths[1]
 
 
+@pytest.mark.slow
 def test_turning_a_little_changes_little():
     """No line flickers: what is seen of a ball with a belt changes by the turn, not by the facets."""
     mesh = ds.TriangleMesh(*icosphere(4))
