@@ -152,7 +152,16 @@ def test_the_contour_of_a_ball_is_the_circle_of_its_tangent_cone():
     assert visible(contours(net, view), rasterise(net, view), view).mean() > 0.99
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 8, 29])
+@pytest.mark.parametrize(
+    "seed",
+    [
+        0,
+        pytest.param(1, marks=pytest.mark.slow),
+        2,
+        pytest.param(8, marks=pytest.mark.slow),
+        pytest.param(29, marks=pytest.mark.slow),
+    ],
+)
 def test_hidden_lines_are_those_that_exact_rays_meet_a_face_before(seed):
     from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
     from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
@@ -206,6 +215,7 @@ def radius_of_ink(detector):
     return (ink * np.hypot(x, y)).sum() / ink.sum(), np.array([(ink * x).sum(), (ink * y).sum()]) / ink.sum()
 
 
+@pytest.mark.slow
 def test_the_bias_moves_outlines_by_what_it_says():
     exact = FOCAL * 0.4 / math.sqrt(4**2 - 0.4**2)
     for outward in (0.0, 0.9):
@@ -219,6 +229,7 @@ def test_the_bias_moves_outlines_by_what_it_says():
 # The generator
 
 
+@pytest.mark.slow
 def test_the_same_seed_writes_the_same_bytes(tmp_path):
     for name in ("one", "two"):
         generate(3, tmp_path / name, views=2)
@@ -228,6 +239,7 @@ def test_the_same_seed_writes_the_same_bytes(tmp_path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_clean_maps_have_the_cameras_and_the_truth_of_biased_ones(tmp_path):
     for name in ("clean", "biased"):
         generate(9, tmp_path / name, clean=name == "clean", views=2)

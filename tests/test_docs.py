@@ -201,7 +201,12 @@ def test_names_in_back_quotes_exist():
     assert unknown == {}
 
 
-@pytest.mark.parametrize("path", [p for p in DOCUMENTS if python_blocks(p)], ids=relative)
+# Hatching of four tones takes three seconds; its options have tests of their own.
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=[pytest.mark.slow] * (p.stem == "hatching")) for p in DOCUMENTS if python_blocks(p)],
+    ids=relative,
+)
 def test_python_blocks_run(path, tmp_path, monkeypatch):
     """All blocks of a document, one after the other, in a folder with what its commands would have written."""
     monkeypatch.chdir(tmp_path)

@@ -50,6 +50,7 @@ def test_length_of_a_line_does_not_depend_on_its_weights(seed, spread):
     torch.testing.assert_close(bezier.length(*raised, 1e-9), expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(seeds, degrees)
 def test_length_is_that_of_fine_polylines(seed, degree):
     points, weights = _curves(seed, degree, 1)

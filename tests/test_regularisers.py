@@ -62,7 +62,7 @@ def test_ends_that_nearly_meet():
     assert float(losses.end_gaps(rings(), 1.0)) == 0
 
 
-@pytest.mark.parametrize("chains", [None, Chains.of([2, 1])])
+@pytest.mark.parametrize("chains", [pytest.param(None, marks=pytest.mark.slow), Chains.of([2, 1])])
 @pytest.mark.parametrize(
     "loss",
     [

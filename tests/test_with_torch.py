@@ -81,6 +81,7 @@ def test_values_of_a_file_are_checked():
         torch.load(io.BytesIO(saved(sketch)))
 
 
+@pytest.mark.slow
 def test_a_file_is_read_in_another_process(tmp_path):
     torch.save(chained(), tmp_path / "sketch.pt")
     script = (

@@ -25,6 +25,7 @@ def test_step_files_have_the_strokes_of_each_layer(tmp_path):
     assert "'COLOR_FF0000'" in (tmp_path / "b.step").read_text()
 
 
+@pytest.mark.slow
 def test_dxf_files_have_them_too_and_keep_colours(tmp_path):
     ezdxf = pytest.importorskip("ezdxf", reason="takes the extra cad")
     ds.formats.save_dxf(tmp_path / "a.dxf", three(), layers=LAYERS)

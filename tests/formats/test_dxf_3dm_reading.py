@@ -51,7 +51,7 @@ def off(a, b):
 
 
 @pytest.mark.parametrize("suffix", BOTH)
-@pytest.mark.parametrize(("unit", "millimetres"), [("mm", 1.0), ("in", 25.4)])
+@pytest.mark.parametrize(("unit", "millimetres"), [("mm", 1.0), pytest.param("in", 25.4, marks=pytest.mark.slow)])
 def test_curves_come_back(tmp_path, suffix, unit, millimetres):
     sketch = sketch_of_all_kinds()
     ds.save(tmp_path / f"a{suffix}", sketch, unit=unit)

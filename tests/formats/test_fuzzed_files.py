@@ -223,7 +223,10 @@ def test_blocks_in_blocks_do_not_explode(tmp_path):
         load_dxf(tmp_path / "a.dxf")
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+# A STEP file takes a second to be read.
+@pytest.mark.parametrize(
+    "suffix", [FORMATS[0], *FORMATS[2:], pytest.param(".step", marks=[*FORMATS[1].marks, pytest.mark.slow])]
+)
 def test_names_with_spaces_and_other_letters(tmp_path, suffix):
     path = tmp_path / "ein Möbiusband 漢字 😀" / f"it's (1) ü{suffix}"
     ds.save(path, sketch())

@@ -153,6 +153,7 @@ def test_halves_of_a_cylinder_have_no_line_between_them(tmp_path):
     assert ds.losses.lengths(read.edges).sum() == pytest.approx(8 * math.pi, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_said(tmp_path):
     path = _step(tmp_path / "a.step", _compound(_box(1, 1, 1), _line()))
     with pytest.warns(UserWarning, match=r"a\.step: left out: curves that bound no face \(1\)"):
@@ -171,13 +172,15 @@ def test_curves_alone_are_no_solid(tmp_path, name, write):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.step", "", "not a STEP file"),
-        ("a.step", "ISO-10303-21;\nHEADER;", "cut off"),
+        pytest.param("a.step", "", "not a STEP file", marks=pytest.mark.slow),
+        pytest.param("a.step", "ISO-10303-21;\nHEADER;", "cut off", marks=pytest.mark.slow),
         ("a.step", "ISO-10303-21;\nrubbish\nEND-ISO-10303-21;", "OCCT"),
-        ("a.igs", "", "OCCT cannot read this IGES file"),
+        pytest.param("a.igs", "", "OCCT cannot read this IGES file", marks=pytest.mark.slow),
         pytest.param("a.iges", "rubbish\n" * 9, "OCCT cannot read this IGES file", marks=pytest.mark.slow),
         pytest.param("a.brep", "", "OCCT cannot read this BREP file", marks=pytest.mark.slow),
-        ("a.brep", "DBRep_DrawableShape\n\nCASCADE Topology V1\nLocations 9999999", "OCCT"),
+        pytest.param(
+            "a.brep", "DBRep_DrawableShape\n\nCASCADE Topology V1\nLocations 9999999", "OCCT", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_broken_files_are_told(tmp_path, name, content, message):
@@ -186,12 +189,12 @@ def test_broken_files_are_told(tmp_path, name, content, message):
         ds.load_surface(tmp_path / name)
 
 
-def test_files_cut_off_anywhere_are_an_error_or_a_solid(tmp_path):
+@pytest.mark.parametrize("share", [0.5, *(pytest.param(share, marks=pytest.mark.slow) for share in (0.1, 0.9))])
+def test_files_cut_off_anywhere_are_an_error_or_a_solid(tmp_path, share):
     content = _brep(tmp_path / "a.brep", _box(1, 2, 3)).read_bytes()
-    for share in (0.1, 0.5, 0.9):
-        (tmp_path / "b.brep").write_bytes(content[: int(share * len(content))])
-        with pytest.raises(ValueError, match=r"b\.brep"):
-            read_solids(tmp_path / "b.brep")
+    (tmp_path / "b.brep").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ValueError, match=r"b\.brep"):
+        read_solids(tmp_path / "b.brep")
 
 
 @pytest.mark.usefixtures("read_here")

@@ -188,10 +188,20 @@ def damaged(path, old, new):
             "OCCT failed on this STEP file",
             marks=pytest.mark.slow,
         ),
-        ("RATIONAL_B_SPLINE_CURVE((0.5,", "RATIONAL_B_SPLINE_CURVE((0.5),(", "OCCT failed on this STEP file"),
-        ("#20=CARTESIAN_POINT('',(0.", "#20=CARTESIAN_POINT('',(1.E400,0.", "points of stroke 0 must be finite"),
-        ("'a',(#17),#14", "'a',(#16),#14", "no curves in this STEP file"),
-        ("DATA;", "ATAD;", "OCCT"),
+        pytest.param(
+            "RATIONAL_B_SPLINE_CURVE((0.5,",
+            "RATIONAL_B_SPLINE_CURVE((0.5),(",
+            "OCCT failed on this STEP file",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "#20=CARTESIAN_POINT('',(0.",
+            "#20=CARTESIAN_POINT('',(1.E400,0.",
+            "points of stroke 0 must be finite",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param("'a',(#17),#14", "'a',(#16),#14", "no curves in this STEP file", marks=pytest.mark.slow),
+        pytest.param("DATA;", "ATAD;", "OCCT", marks=pytest.mark.slow),
     ],
 )
 def test_files_that_break_occt_give_an_error(tmp_path, old, new, message):
@@ -209,6 +219,7 @@ def test_a_reader_that_hangs_is_stopped(tmp_path, monkeypatch):
         ds.load(tmp_path / "a.step")
 
 
+@pytest.mark.slow
 @needs_occt
 def test_damaged_files_give_a_sketch_or_a_value_error(tmp_path):
     ds.save(tmp_path / "a.step", GOOD)

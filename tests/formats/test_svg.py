@@ -88,9 +88,14 @@ SKETCHES = {
     ("name", "cameras"),
     [
         *((name, CAMERAS) for name in SKETCHES),
-        *((name, FLAT) for name in ("random", "tubes", "through the near plane")),
-        *((name, OBLONG) for name in ("tubes", "tube circle", "tubes through the near plane")),
-        *(("tubes", cameras) for cameras in (SKEWED, OBLONG_FLAT)),
+        ("tubes", FLAT),
+        ("tubes", OBLONG),
+        *(pytest.param(name, FLAT, marks=pytest.mark.slow) for name in ("random", "through the near plane")),
+        *(
+            pytest.param(name, OBLONG, marks=pytest.mark.slow)
+            for name in ("tube circle", "tubes through the near plane")
+        ),
+        *(pytest.param("tubes", cameras, marks=pytest.mark.slow) for cameras in (SKEWED, OBLONG_FLAT)),
     ],
 )
 def test_looks_as_rendered(tmp_path, name, cameras):

@@ -158,6 +158,7 @@ def test_a_knot_is_cut_where_it_must_be(tmp_path):
     assert sum("part-2" in name for name in names) == 1
 
 
+@pytest.mark.slow
 def test_many_coloured_strokes_make_a_small_file(tmp_path):
     g = torch.Generator().manual_seed(0)
     place = torch.rand(1000, 1, 3, generator=g) * 1.2 - 0.6

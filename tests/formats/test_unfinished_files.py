@@ -91,6 +91,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
     check_old(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="timers are POSIX")
 def test_an_interrupted_export_leaves_a_whole_file(tmp_path):
     said = run(tmp_path, "signal.signal(signal.SIGALRM, signal.default_int_handler)\n" + INTERRUPTED)

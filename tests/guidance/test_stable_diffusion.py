@@ -161,6 +161,7 @@ def test_perpendicular_negatives_count_from_where_guidance_starts(made, texts, n
     assert torch.allclose(found[2], by_hand(texts[[5, 5, 5]]), atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["float16", "bfloat16"])
 def test_half_precision_says_much_the_same(folder, prior, noisy, precision):
     half = load_stable_diffusion("a cat", "a dog", Source(str(folder)), device="cpu", precision=precision)

@@ -58,6 +58,7 @@ def test_at_first_it_is_the_prior_and_training_leaves_the_prior_alone(kind, late
         assert not torch.allclose(particles.predict(latents, TIMES, CAMERAS), before[0], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_it_learns_to_denoise_what_it_is_shown(latents):
     """The same noise each time, so that every step must lower the loss."""
     particles = Particles(make("stable diffusion"))
@@ -65,6 +66,7 @@ def test_it_learns_to_denoise_what_it_is_shown(latents):
     assert all(after < before for before, after in itertools.pairwise(losses))
 
 
+@pytest.mark.slow
 def test_half_precision_is_trained_in_float32(latents):
     """A step of 1e-4 on a weight of bfloat16 that is larger than 0.03 would be lost."""
     prior = make("stable diffusion", torch.bfloat16)
@@ -113,6 +115,7 @@ def test_priors_that_cannot_learn_are_refused():
         Particles(without)
 
 
+@pytest.mark.slow
 def test_the_objective_is_what_the_prior_says_less_what_the_particles_say(latents):
     """The first step: particles are the prior's conditional prediction, so only guidance moves the pictures."""
     prior = make("mvdream")

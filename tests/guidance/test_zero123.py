@@ -114,7 +114,7 @@ def written_out(folder, picture, noisy, timestep, pose, shown):
     return unet(torch.cat([noisy[None], concat], 1), timestep, encoder_hidden_states=token[None, None]).sample[0]
 
 
-@pytest.mark.parametrize("shown", [True, False])
+@pytest.mark.parametrize("shown", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", [load_zero123, load_stable_zero123])
 def test_predictions_are_the_formulas_written_out(folder, picture, generator, kind, shown):
     reference = ReferencePose(elevation=20, azimuth=-30, distance=1.9)
@@ -230,9 +230,9 @@ def test_everything_is_on_the_device(folder, picture, monkeypatch):
     ("projection", "name", "variant"),
     [
         ("clip_camera_projection", "proj", None),
-        ("clip_camera_projection", "proj", "fp16"),
+        pytest.param("clip_camera_projection", "proj", "fp16", marks=pytest.mark.slow),
         ("cc_projection", "projection", None),
-        ("cc_projection", "cc_projection", None),
+        pytest.param("cc_projection", "cc_projection", None, marks=pytest.mark.slow),
     ],
 )
 def test_every_port_gives_the_same(tmp_path, folder, picture, generator, projection, name, variant):

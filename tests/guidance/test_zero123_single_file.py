@@ -82,6 +82,7 @@ def test_the_averaged_weights_of_a_training_say_the_same(pair, expected, picture
     assert loaded("zero123", options, prior.unet).weights["weights"] == str(file.resolve())
 
 
+@pytest.mark.slow
 def test_without_averages_the_weights_themselves_count(picture, tmp_path):
     folder, tensors = save_pair(tmp_path, averaged=False)
     save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, tmp_path / "a.safetensors")
@@ -104,6 +105,7 @@ def kind(path, trust=True):
     return kind_of(PriorOptions(prior=str(path), allow_pickle=trust))
 
 
+@pytest.mark.slow
 def test_a_file_says_which_prior_it_is(pair, tmp_path):
     for name, wanted in (("zero123-xl.ckpt", "zero123"), ("stable_zero123.ckpt", "stable-zero123")):
         torch.save(pair[1], tmp_path / name)
@@ -120,13 +122,22 @@ def without(tensors, start):
     ("start", "message"),
     [
         ("cc_projection.", "not a checkpoint of Zero-1-to-3: there is no cc_projection"),
-        (
+        pytest.param(
             "model_ema.diffusion_modelout2",
             "averaged UNet: not the weights of this model: it lacks out2bias, out2weight",
+            marks=pytest.mark.slow,
         ),
-        ("model.diffusion_model.out.2.", "averaged UNet: .* it has foreign out2bias, out2weight"),
+        pytest.param(
+            "model.diffusion_model.out.2.",
+            "averaged UNet: .* it has foreign out2bias, out2weight",
+            marks=pytest.mark.slow,
+        ),
         ("cond_stage_model.model.visual.proj", "not CLIP's image tower by OpenAI's names: there is no proj"),
-        ("cond_stage_model.model.visual.ln_pre.bias", "image encoder: .* it lacks vision_model.pre_layrnorm.bias"),
+        pytest.param(
+            "cond_stage_model.model.visual.ln_pre.bias",
+            "image encoder: .* it lacks vision_model.pre_layrnorm.bias",
+            marks=pytest.mark.slow,
+        ),
         ("first_stage_model.", "not the weights of an autoencoder"),
     ],
 )

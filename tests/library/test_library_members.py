@@ -14,7 +14,8 @@ from diff3ds.bezier import evaluate, length
 from diff3ds.library import CATEGORIES, kinds, member
 
 ONE_EACH = [(name, a) for name, c in CATEGORIES.items() for a in ((), *((a.name,) for a in c.attributes))]
-SEEDS = range(2)
+# Of each the first is quick.
+SEEDS = pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 # Few enough to draw and to distil, enough to tell what it is.
 STROKES = (8, 64)
 
@@ -86,19 +87,19 @@ def test_faces_are_no_larger_than_the_thing(name, attributes):
     assert not len(faces) or float(faces.norm(dim=-1).max()) < 1.0
 
 
+@SEEDS
 @sweep(("name", "attributes"), ONE_EACH)
-def test_members_fill_the_unit_ball(name, attributes):
-    for seed in SEEDS:
-        sketch, points = drawn(name, attributes, seed).sketch, on(name, attributes, seed)
-        assert bool(points.isfinite().all())
-        farthest = float(points.norm(dim=-1).max())
-        assert 0.94 < farthest < 0.952
-        # The extents are measured at 65 points of a stroke: both ends to .0003 of the size.
-        low, high = points.flatten(0, 1).amin(0), points.flatten(0, 1).amax(0)
-        torch.testing.assert_close(low, -high, atol=2e-3, rtol=0)
-        assert STROKES[0] <= len(sketch) <= STROKES[1]
-        assert sketch.points.shape[1:] == (4, 3)
-        assert float(length(sketch.points, sketch.weights).min()) > 0.005
+def test_members_fill_the_unit_ball(name, attributes, seed):
+    sketch, points = drawn(name, attributes, seed).sketch, on(name, attributes, seed)
+    assert bool(points.isfinite().all())
+    farthest = float(points.norm(dim=-1).max())
+    assert 0.94 < farthest < 0.952
+    # The extents are measured at 65 points of a stroke: both ends to .0003 of the size.
+    low, high = points.flatten(0, 1).amin(0), points.flatten(0, 1).amax(0)
+    torch.testing.assert_close(low, -high, atol=2e-3, rtol=0)
+    assert STROKES[0] <= len(sketch) <= STROKES[1]
+    assert sketch.points.shape[1:] == (4, 3)
+    assert float(length(sketch.points, sketch.weights).min()) > 0.005
 
 
 @pytest.mark.slow
@@ -109,8 +110,12 @@ def test_all_attributes_that_go_together_can_be_drawn(name):
         assert drawn(name, attributes).attributes == attributes
 
 
+# Without attributes, and with one.
+@pytest.mark.parametrize("some", [False, pytest.param(True, marks=pytest.mark.slow)])
 @sweep(("name", "attributes"), ONE_EACH)
-def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attributes):
+def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attributes, some):
+    if bool(attributes) != some:
+        return
     first = drawn(name, attributes, 0).sketch
     again = member(name, torch.Generator().manual_seed(0), attributes).sketch
     assert all(torch.equal(value, again.tensors()[key]) for key, value in first.tensors().items())
@@ -124,16 +129,16 @@ def test_no_stroke_is_drawn_twice(name, attributes):
     assert int((same < 1e-4).sum()) == len(same) * (len(same) + 1) // 2
 
 
+@SEEDS
 @sweep(("name", "attributes"), [(n, a) for n, a in ONE_EACH if CATEGORIES[n].mirror])
-def test_members_are_symmetric_where_declared(name, attributes):
+def test_members_are_symmetric_where_declared(name, attributes, seed):
     sign = torch.ones(3)
     sign["xy".index(CATEGORIES[name].mirror)] = -1
-    for seed in SEEDS:
-        sketch = drawn(name, attributes, seed).sketch
-        strokes = both_ways(sketch)
-        mirrored = strokes[0] * torch.cat([sign, torch.ones(1)]).repeat(4)
-        distance = (mirrored[:, None] - strokes.flatten(0, 1)[None]).abs().amax(-1)
-        assert float(distance.amin(1).max()) < 1e-5
+    sketch = drawn(name, attributes, seed).sketch
+    strokes = both_ways(sketch)
+    mirrored = strokes[0] * torch.cat([sign, torch.ones(1)]).repeat(4)
+    distance = (mirrored[:, None] - strokes.flatten(0, 1)[None]).abs().amax(-1)
+    assert float(distance.amin(1).max()) < 1e-5
 
 
 def test_most_categories_are_symmetric():
@@ -151,11 +156,11 @@ def test_circles_are_exact(name, count):
         assert float(distance.max() - distance.min()) < 1e-6
 
 
+@SEEDS
 @sweep(("name", "attributes"), [(n, a) for n, a in ONE_EACH if a])
-def test_every_attribute_is_seen(name, attributes):
+def test_every_attribute_is_seen(name, attributes, seed):
     # A pixel in the 64 that the coarsest prior sees; a bar across a windmill's sail is the finest.
-    for seed in SEEDS:
-        assert hausdorff(on(name, (), seed), on(name, attributes, seed)) > 0.03
+    assert hausdorff(on(name, (), seed), on(name, attributes, seed)) > 0.03
 
 
 def test_categories_differ_from_each_other():

@@ -65,6 +65,7 @@ def test_published_weights_are_the_defaults(networks):
     assert (loss.clip_weight, loss.vgg_weight, loss.warps) == (75.0, 1.0, 4)
 
 
+@pytest.mark.slow
 def test_gradients_reach_the_drawing_alone(networks, images, generator):
     loss = DoodleLoss(*networks, warps=1)
     networks[0].double()

@@ -137,6 +137,7 @@ def test_bad_images_are_refused(images):
 # 3Doodle's distance: another thing
 
 
+@pytest.mark.slow
 def test_the_distance_of_3doodle_is_not_lpips(images):
     """No weights of channels, ImageNet's statistics on [0, 1], the last tap before its ReLU."""
     tensors = features("vgg")
@@ -163,6 +164,7 @@ def test_the_distance_of_3doodle_is_not_lpips(images):
     assert ((ratio - 1).abs() > 0.2).all()
 
 
+@pytest.mark.slow
 def test_the_variant_of_3doodle_exchanges_mean_and_deviation(images):
     """Trap: its code divides by the mean and takes the deviation off."""
     tensors = features("vgg")

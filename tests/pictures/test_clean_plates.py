@@ -95,6 +95,7 @@ def test_pictures_are_cut_out_of_their_plates(clean_plates):
     assert torch.equal(background.store.batch([3]).pixels[0, ..., :3], clean_plates[3])
 
 
+@pytest.mark.slow
 def test_strokes_are_found_before_textured_plates(clean_plates):
     drawn = ds.render(truth(), CAMERAS, background=clean_plates)
     plan = plan_over(clean_plates, opaque(drawn.color), strokes=40, steps=250)
@@ -234,6 +235,7 @@ def sketch_over(scene, background, *more):
     return (out / "sketch.json").read_bytes(), json.loads((out / "run.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_picture_of_one_colour_is_that_colour(scene):
     """Bit for bit; run.json says what was used."""
     sketch, run = sketch_over(scene, "0.2,0.6,0.4")
@@ -250,6 +252,7 @@ def test_a_picture_of_one_colour_is_that_colour(scene):
     assert math.isfinite(run["scores"]["psnr_test"])
 
 
+@pytest.mark.slow
 def test_resume_refuses_another_background(scene, capsys):
     sketch, _ = sketch_over(scene, str(scene / "one.png"))
     assert sketch_over(scene, str(scene / "one.png"), "--resume")[0] == sketch

@@ -94,7 +94,9 @@ GOOD = {
 
 
 @pytest.mark.parametrize("name", GOOD)
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(
+    "scale", [pytest.param(1e-6, marks=pytest.mark.slow), 1.0, pytest.param(1e6, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("shift", [0.0, 1.0])
 def test_good_cameras_go_on_to_the_pictures(tmp_path, name, scale, shift):
     matrices = to_world(GOOD[name])

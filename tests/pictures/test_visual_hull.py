@@ -60,6 +60,7 @@ def test_the_hull_of_a_ball_in_orthographic_views(cameras):
     assert (hull.points.norm(dim=1) - 0.8).abs().max() < math.sqrt(3) * hull.spacing + 1 / scale
 
 
+@pytest.mark.slow
 def test_one_wrong_picture_carves_nothing(cameras):
     pixels = ball(cameras, 0.8).clone()
     pixels[7] = 0

@@ -52,7 +52,7 @@ def test_what_is_not_there_is_named_with_the_command_that_gets_it(hub):
         find_folder(str(hub / "model.safetensors"), "a net")
 
 
-@pytest.mark.parametrize("kind", ["state dict", "TorchScript"])
+@pytest.mark.parametrize("kind", ["state dict", pytest.param("TorchScript", marks=pytest.mark.slow)])
 def test_pickles_are_refused_with_the_command_that_converts_them(kind, tmp_path):
     path = tmp_path / "net.pth"
     layer = torch.nn.Linear(2, 3)
