@@ -112,6 +112,7 @@ def test_shards_do_their_part_and_the_table_has_all(tmp_path):
     assert [(s.state, s.tries) for s in states] == [("done", 1)] * 3
 
 
+@pytest.mark.slow
 def test_a_killed_job_goes_on_from_its_checkpoint(tmp_path, alone):
     path = jobs_in(tmp_path, {**LONG, "phrase": "a chair"})
     out = tmp_path / "out"
@@ -198,6 +199,7 @@ def test_a_full_disk_fails_the_job_and_another_call_does_it(tmp_path, monkeypatc
     assert state.state == "done"
 
 
+@pytest.mark.slow
 def test_the_command_says_how_it_went(tmp_path, capsys):
     path = jobs_in(tmp_path, {**SMALL, "phrase": "a chair"})
     batch = command(path, tmp_path / "out", "--gpus", "none")

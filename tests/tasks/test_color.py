@@ -68,6 +68,7 @@ def test_colour_shape_and_transparency_are_found(pictures):
     assert float((drawn - pictures.batch(range(20)).alpha).square().mean().sqrt()) < 0.06
 
 
+@pytest.mark.slow
 def test_the_number_of_strokes_is_found_between_limits(pictures):
     """Two bars need no more strokes than there are at the start; the tolerance decides."""
     plan = plan_color(pictures, ViewsOptions(steps=100), None)
@@ -80,6 +81,7 @@ def test_the_number_of_strokes_is_found_between_limits(pictures):
     assert len(run(plan, loose)) <= LEAST
 
 
+@pytest.mark.slow
 def test_a_plain_background_is_not_drawn(pictures):
     """The same pictures, opaque on gray, which is found at their borders."""
     batch = pictures.batch(range(20))
@@ -93,6 +95,7 @@ def test_a_plain_background_is_not_drawn(pictures):
     assert outside.mean() < 0.02
 
 
+@pytest.mark.slow
 def test_a_broken_run_goes_on_as_if_unbroken(pictures, tmp_path):
     """Through the changes of the number of strokes, bit for bit."""
     options = ViewsOptions(strokes=24, steps=60)

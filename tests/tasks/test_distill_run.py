@@ -125,6 +125,7 @@ def test_only_the_same_run_is_resumed(prior, tmp_path, change):
         run(prior, tmp_path, with_options(QUICK, resume=True, phrase="two bars"))
 
 
+@pytest.mark.slow
 def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path):
     """Measured by the points along its strokes that lie near the bar."""
     options = with_options(QUICK, steps=150, blur=1.0, final_rate=0.1, delete_length=0.1)
@@ -173,6 +174,7 @@ def test_widths_stay_in_their_range_whatever_the_rate(prior, tmp_path):
     assert float(widths.max()) < 0.1501
 
 
+@pytest.mark.slow
 def test_the_reference_view_is_matched(prior, tmp_path):
     """The prior says nothing here (no guidance towards anything new), the picture says where."""
     cameras = ds.orbit([0.0], 10.0, size=32)

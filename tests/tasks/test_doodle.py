@@ -67,6 +67,7 @@ def test_a_run_and_its_folder(options, pictures, tmp_path):
         run_doodle(pictures, tmp_path / "run", options)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_ends_as_one_that_never_stopped(options, pictures, tmp_path):
     def stop(progress):
         if progress.done == 2:
@@ -81,6 +82,7 @@ def test_a_resumed_run_ends_as_one_that_never_stopped(options, pictures, tmp_pat
         run_doodle(pictures, tmp_path / "broken", dataclasses.replace(options, resume=True, vgg_weight=2.0))
 
 
+@pytest.mark.slow
 def test_the_loss_falls(options, pictures):
     """By CLIP's term alone, through a random tower; from dots, which show nothing, to strokes that it likes better."""
     chosen = dataclasses.replace(options, vgg_weight=0.0, steps=25, rate=0.01, batch=VIEWS, augmentations=0)

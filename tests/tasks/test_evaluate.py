@@ -90,6 +90,7 @@ def clips(networks):
     return [Path(text) for text in networks["clip"]]
 
 
+@pytest.mark.slow
 def test_scores_of_pictures(networks, tmp_path, generator):
     """LPIPS looks from where the picture was taken: a run whose picture is its own drawing has none there."""
     elevation = 25.0

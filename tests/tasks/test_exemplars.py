@@ -131,6 +131,7 @@ def test_negative_phrases_are_for_others(tmp_path, capsys):
     assert "negative phrases are for mvdream" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path):
     """Also what is summed before the first step."""
@@ -146,6 +147,7 @@ def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path):
     assert torch.equal(found[0].weights, found[1].weights)
 
 
+@pytest.mark.slow
 def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
     threads = torch.get_num_threads()
     means = []

@@ -40,7 +40,15 @@ def pictured(path: Path, kind: str, azimuth=40.0, elevation=20.0) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", ["chair", "hot-air balloon", "bicycle", "teapot"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "chair",
+        pytest.param("hot-air balloon", marks=pytest.mark.slow),
+        pytest.param("bicycle", marks=pytest.mark.slow),
+        pytest.param("teapot", marks=pytest.mark.slow),
+    ],
+)
 def test_pictures_of_the_library(kind, tmp_path):
     found = ds.recognise(pictured(tmp_path / "a.png", kind))
     first = found.guesses[0]
@@ -52,6 +60,7 @@ def test_pictures_of_the_library(kind, tmp_path):
     assert [guess.confidence for guess in found.guesses] == sorted((g.confidence for g in found.guesses), reverse=True)
 
 
+@pytest.mark.slow
 def test_the_side_that_one_sees(tmp_path):
     """A bicycle and a teapot have no sides that look alike, but for left and right."""
     for kind, azimuth in (("chair", 40.0), ("teapot", 70.0), ("teapot", 290.0)):
@@ -68,6 +77,7 @@ def test_drawings_by_hand(strokes, kind):
     assert found.guesses[0].kind == kind
 
 
+@pytest.mark.slow
 def test_what_is_no_kind_is_not_taken():
     for strokes in (CAT, ["10 10 90 90"], ["10 90 50 10 90 90", "28 55 72 55"], ["20 20 80 20 80 80 20 80 20 20"]):
         found = ds.recognise(by_hand(strokes))
@@ -129,6 +139,7 @@ def test_what_is_no_picture(picture, error, message):
         ds.recognise(picture)
 
 
+@pytest.mark.slow
 def test_a_mask_and_a_background(tmp_path):
     picture = np.repeat(by_hand(HOUSE)[..., None], 3, 2)
     crowded = picture.copy()
@@ -227,6 +238,7 @@ def test_on_a_terminal_one_is_asked(tmp_path, monkeypatch):
     assert info["shows"] == second.caption
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_a_phrase_is_an_answer_and_nothing_is_none(tmp_path, monkeypatch):
     asked("a windmill", tmp_path, monkeypatch)

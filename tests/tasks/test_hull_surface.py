@@ -56,6 +56,7 @@ def test_a_bar_is_as_thick_as_it_is_and_one_wrong_picture_carves_nothing():
     assert np.abs(from_axis(hull_surface(posed(pixels), 40)) - 0.2).max() < 0.07
 
 
+@pytest.mark.slow
 def test_outlines_of_drawings_close_in_what_they_show():
     ball = ds.Quadrics.ellipsoids([MIDDLE.tolist()], [[0.8, 0.8, 0.8]])
     nothing = ds.Sketch(torch.zeros(0, 4, 3))

@@ -164,6 +164,7 @@ def test_creases_that_are_scraps_are_left_out_unless_an_angle_is_given(tmp_path,
     assert creases == [0, 3]
 
 
+@pytest.mark.slow
 def test_the_function_is_the_command(tmp_path):
     sketch = ds.mesh_to_sketch(box(tmp_path / "box.obj"), strokes=4, up="y", turntable=0, size=32)
     # The four longest edges, along x in the file, which with y up lie along y.

@@ -66,6 +66,7 @@ def test_strokes_say_their_edges_and_faces_and_parts_are_layers(rounded, tmp_pat
     assert json.loads((tmp_path / "run.json").read_text())["parts"] == ["base plate", "pin"]
 
 
+@pytest.mark.slow
 def test_lines_between_smooth_faces_are_thin_drawn_or_hidden(rounded, tmp_path):
     widths = {}
     for how in ("thin", "drawn", "hidden"):
@@ -78,6 +79,7 @@ def test_lines_between_smooth_faces_are_thin_drawn_or_hidden(rounded, tmp_path):
     assert widths == {"thin": (17, [0.003, 0.006]), "drawn": (17, [0.006]), "hidden": (15, [0.006])}
 
 
+@pytest.mark.slow
 def test_a_function_of_python_takes_solids_too(rounded):
     sketch = ds.mesh_to_sketch(rounded, turntable=0, size=64, tangent="drawn")
     assert sketch.names[0].startswith("base plate/edge ")
@@ -94,6 +96,7 @@ def test_options_of_meshes_are_refused(rounded, tmp_path, option, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     surface = ds.load_surface(rounded)
     along = ds.Sketch(torch.tensor([[[15.0, 10, 5], [15, 10, 30]]]))
@@ -102,6 +105,7 @@ def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     assert lines.strokes(True).points[0, 0, 2] == pytest.approx(18, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize(
     ("options", "contours"), [([], False), pytest.param(["--strokes", "6"], True, marks=pytest.mark.slow)]

@@ -39,6 +39,7 @@ def test_a_box_far_from_the_origin_has_twelve_edges_where_it_is(tmp_path):
         ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_rounded_edges_are_named_by_their_radius_and_drawn_once_or_by_tangent_lines(tmp_path):
     inner = np.clip(x := _box(5000) * [30, 20, 10], -np.array([28.5, 18.5, 8.5]), [28.5, 18.5, 8.5])
     np.save(tmp_path / "box.npy", inner + 1.5 * (x - inner) / np.linalg.norm(x - inner, axis=1, keepdims=True))

@@ -53,7 +53,7 @@ def test_an_example_shows_what_its_words_say():
         )
 
 
-@pytest.mark.parametrize("index", [0, 2, 3])
+@pytest.mark.parametrize("index", [0, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)])
 def test_the_kind_that_words_say_is_seen_in_the_views(index):
     """By the recogniser of drawings, which knows nothing of examples; in pictures large enough for it."""
     example = Examples(0, 6, size=256)[index]
@@ -166,6 +166,7 @@ def test_a_disk_that_fills_up_during_a_training_is_said(tmp_path, monkeypatch):
         write_network(path, *read_network(path), {})
 
 
+@pytest.mark.slow
 def test_workers_change_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.21, 0.39))
     alone = train_prior(tmp_path / "alone", TrainOptions(steps=2, **TINY))
@@ -174,6 +175,7 @@ def test_workers_change_nothing(tmp_path, monkeypatch):
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
+@pytest.mark.slow
 def test_threads_change_nothing(tmp_path, monkeypatch):
     """A batch of three parts, the last one smaller."""
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.21, 0.39))
@@ -183,7 +185,7 @@ def test_threads_change_nothing(tmp_path, monkeypatch):
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
-@pytest.mark.parametrize("sees", [True, False])
+@pytest.mark.parametrize("sees", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_gradients_of_parts_are_those_of_the_whole_batch(monkeypatch, sees):
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.21, 0.39))
     monkeypatch.setattr(prior_train, "half_is_fast", lambda device: False)

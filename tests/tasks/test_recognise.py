@@ -169,6 +169,7 @@ def test_a_bare_circle_and_a_bare_square_are_nothing(shape, tmp_path):
     assert not ds.recognise(tmp_path / "shape.png").taken
 
 
+@pytest.mark.slow
 def test_a_house_without_its_hidden_lines(tmp_path):
     """As one draws it: three edges of its twelve end behind it."""
     sketch, camera = drawn("house"), ds.orbit(35.0, 15.0, 1.9, size=512)
@@ -270,6 +271,7 @@ def test_the_run_says_what_was_recognised(run, chair):
     assert (run / "lines.png").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
     main(["image", str(chair), "-o", str(tmp_path), "--steps", "1", "--no-redraw"])
@@ -278,6 +280,7 @@ def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
     assert "recognised: a chair with armrests (" in said
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_a_run_goes_on_with_what_it_recognised(chair, tmp_path):
     arguments = [
@@ -321,6 +324,7 @@ def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     assert not [*(tmp_path / "out").iterdir()]
 
 
+@pytest.mark.slow
 def test_a_kind_that_the_network_has_not_seen_can_be_named(tmp_path, monkeypatch):
     lines = lines_in(pictured(tmp_path / "cat.png", drawn("cat"), 40.0, 12.0))
     before = trained()
@@ -335,6 +339,7 @@ def test_a_kind_that_the_network_has_not_seen_can_be_named(tmp_path, monkeypatch
     assert abs(found.elevation - 12) <= 7.5
 
 
+@pytest.mark.slow
 def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
     main(
         [

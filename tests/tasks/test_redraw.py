@@ -122,6 +122,7 @@ def test_all_is_found_where_a_member_is_there_and_little_else():
     assert not redrawing.is_found(scribbles)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_the_descent_ends_there_unless_its_steps_were_asked_for(tmp_path):
     done = []

@@ -48,6 +48,7 @@ def test_drawings_of_meshes_fill_their_pages(mesh):
     assert png_page(out / "preview.png")[0] == pytest.approx((148, 105), abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("page", "spacing"),
     [("A6", 4), pytest.param("A6", 2, marks=pytest.mark.slow), pytest.param("A4", 4, marks=pytest.mark.slow)],

@@ -46,6 +46,7 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert not (tmp_path / "run/surface.glb").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_what_is_drawn_again_as_members_has_their_surface(tmp_path) -> None:
     """Boxes have corners where their strokes end, in the scene as in the things; a run over it leaves none."""
@@ -84,6 +85,7 @@ def test_a_stopped_scene_is_usable_and_goes_on_to_the_same(tmp_path) -> None:
     assert len(alone) < len(whole)
 
 
+@pytest.mark.slow
 def test_the_small_network_draws_scenes_too(tmp_path) -> None:
     sketch = run_text(spec("a mug on a table", prior="small"), tmp_path / "run")
     assert len(sketch)

@@ -318,6 +318,7 @@ def test_a_folder_of_one_kind_and_one_sketch_is_enough(tmp_path):
     assert f_score(ds.load(out / "sketch.json"), drawn("chair")) > 0.85
 
 
+@pytest.mark.slow
 def test_a_changed_library_is_another_run(tmp_path, capsys):
     library = tmp_path / "library"
     library.mkdir()

@@ -43,6 +43,7 @@ def weights(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weights, tmp_path, monkeypatch, capsys):
     def command(out, *more):
         given = ["--weights", str(weights), "-o", str(out), "--steps", "6", "--strokes", "5", "--sheet-every", "3"]

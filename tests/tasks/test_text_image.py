@@ -79,7 +79,7 @@ PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "sta
 @pytest.mark.parametrize(
     ("prior", "method"),
     [
-        ("mvdream", None),
+        pytest.param("mvdream", None, marks=pytest.mark.slow),
         *(pytest.param(prior, None, marks=pytest.mark.slow) for prior in PRIORS if prior != "mvdream"),
         *(pytest.param(prior, "vsd", marks=pytest.mark.slow) for prior in ("mvdream", "zero123")),
     ],
@@ -129,6 +129,7 @@ def test_before_the_first_step_there_is_nothing_to_resume(checkpoints, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("prior", "found"),
     [pytest.param("mvdream", "mvdream", marks=pytest.mark.slow), ("stable-diffusion", "stable-diffusion")],
@@ -148,6 +149,7 @@ def test_other_weights_of_the_same_kind_are_another_run(checkpoints, tmp_path, c
     assert f"the run to resume had --weights={checkpoints['stable-diffusion']}, not {other}" in said
 
 
+@pytest.mark.slow
 def test_a_name_is_a_prior_though_there_is_a_folder_of_that_name(checkpoints, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mvdream").mkdir()
@@ -198,8 +200,8 @@ def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
     ("prior", "method", "more"),
     [
         ("mvdream", None, []),
-        ("stable-diffusion", "nfsd", ["--perp-neg", "--negative", "a table"]),
-        ("zero123", "vsd", []),
+        pytest.param("stable-diffusion", "nfsd", ["--perp-neg", "--negative", "a table"], marks=pytest.mark.slow),
+        pytest.param("zero123", "vsd", [], marks=pytest.mark.slow),
         pytest.param("mvdream", "nfsd", [], marks=pytest.mark.slow),
         pytest.param("mvdream", "vsd", [], marks=pytest.mark.slow),
         pytest.param("stable-diffusion", "sds", ["--perp-neg"], marks=pytest.mark.slow),
@@ -232,7 +234,11 @@ def test_memory_is_asked_for_what_the_network_is_shown(
 
 
 @pytest.mark.parametrize(
-    ("precision", "advice"), [("float16", "start anew with --precision bfloat16"), ("float32", "may be damaged")]
+    ("precision", "advice"),
+    [
+        pytest.param("float16", "start anew with --precision bfloat16", marks=pytest.mark.slow),
+        ("float32", "may be damaged"),
+    ],
 )
 def test_a_network_that_predicts_no_numbers_stops_the_run(precision, advice, tmp_path, capsys):
     folder = save_mvdream(tmp_path / "weights", "stock")
@@ -356,7 +362,7 @@ def test_what_is_known_of_a_licence_is_said(checkpoints, drawing, tmp_path, caps
     [
         (["--view-elevation", "40"], True),
         (["--view-elevation", "40", "--elevation", "0", "45"], False),
-        (["--view-elevation", "30"], False),
+        pytest.param(["--view-elevation", "30"], False, marks=pytest.mark.slow),
     ],
 )
 def test_a_view_that_no_camera_comes_by_is_warned_of(more, warned, checkpoints, drawing, tmp_path, capsys):

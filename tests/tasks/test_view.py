@@ -239,6 +239,7 @@ def test_what_cannot_be_shown_is_said_at_once(sketch, tmp_path, capsys):
         assert f"port {port} cannot be had" in fails(["view", str(sketch), "--port", port], capsys)
 
 
+@pytest.mark.slow
 def test_the_command_says_where_it_is_and_ends_with_ctrl_c(sketch):
     process = subprocess.Popen(
         [sys.executable, "-m", "diff3ds.cli", "view", str(sketch)],
@@ -407,6 +408,7 @@ def test_other_formats_are_saved_beside_as_json(tmp_path):
     assert said == [f"saved {tmp_path / 'part-2.json'}"] * 2
 
 
+@pytest.mark.slow
 def test_a_run_that_is_viewed_shows_its_page_and_waits_for_ctrl_c(tmp_path):
     """The page is there before there are strokes, has them at the end, and the files are those of any run."""
     options = ["--strokes", "6", "--steps", "30", "--init", "random", "--size", "64", "--quiet"]

@@ -109,6 +109,7 @@ def colored(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_colored_pictures(colored):
     out = colored / "out"
     main(["views", str(colored), "-o", str(out), "--strokes", "60", "--steps", "500", "--quiet"])
@@ -125,6 +126,7 @@ def test_colored_pictures(colored):
     assert shown.min() > 0.01 * shown.mean()
 
 
+@pytest.mark.slow
 def test_one_seed_gives_one_file(colored):
     files = []
     for name in ("a", "b"):
@@ -138,6 +140,7 @@ def test_ctrl_c_leaves_a_result_and_resume_ends_where_an_unbroken_run_does(color
     assert_resumed_ends_as_unbroken(colored, [str(colored), "--strokes", "20", "--steps", "800", "--quiet"], FILES)
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_pictures_are_judged_leaves_the_sketch(colored, monkeypatch, capsys):
     def stopped(*arguments):
         raise KeyboardInterrupt

@@ -121,14 +121,14 @@ def test_steps_with_the_small_prior_and_a_known_view(device, tmp_path):
     ("kind", "method"),
     [
         ("mvdream", "reconstruction"),
-        ("zero123", "sds"),
+        pytest.param("zero123", "sds", marks=pytest.mark.slow),
         ("stable diffusion, turned away", "nfsd"),
-        ("stable diffusion, turned away", "sdi"),
+        pytest.param("stable diffusion, turned away", "sdi", marks=pytest.mark.slow),
         *(
             pytest.param("stable diffusion, turned away", method, marks=pytest.mark.slow)
             for method in ("csd", "asd", "ism")
         ),
-        ("stable diffusion", "vsd"),
+        pytest.param("stable diffusion", "vsd", marks=pytest.mark.slow),
     ],
 )
 def test_steps_with_networks(device, kind, method, tmp_path):
