@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from source_trees import tree_of
 
 import diff3ds as ds
 from diff3ds import cli
@@ -226,7 +227,7 @@ def promises(name: str) -> list[str]:
 
 @functools.cache
 def parsed(file: str) -> ast.Module:
-    return ast.parse((ROOT / file).read_text(encoding="utf-8")) if (ROOT / file).is_file() else ast.Module([], [])
+    return tree_of(ROOT / file) if (ROOT / file).is_file() else ast.Module([], [])
 
 
 @functools.cache

@@ -12,6 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from source_trees import tree_of
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src"
@@ -107,13 +108,8 @@ def _part(module: str) -> str:
 
 
 @functools.cache
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-@functools.cache
 def _nodes(path: Path) -> list[ast.AST]:
-    return list(ast.walk(_tree(path)))
+    return list(ast.walk(tree_of(path)))
 
 
 @functools.cache
@@ -249,7 +245,7 @@ def test_no_folder_is_crowded():
 
 def _trusted_loads() -> list[ast.AST]:
     """torch.load in the one function that may have it: called once, and there with weights_only."""
-    module = _tree(MODULES["diff3ds.weights.read"])
+    module = tree_of(MODULES["diff3ds.weights.read"])
     (function,) = (n for n in ast.walk(module) if isinstance(n, ast.FunctionDef) and n.name == "unpickle")
     (call,) = (n for n in ast.walk(function) if isinstance(n, ast.Call) and ast.unparse(n.func) == "torch.load")
     assert any(k.arg == "weights_only" and ast.unparse(k.value) == "True" for k in call.keywords)
