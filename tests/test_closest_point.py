@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from diff3ds import bezier
 from diff3ds.bezier.polynomial import isolators, roots_and_separators
 
-CASES = 150
+# Of each family, quick and slow.
+CASES = pytest.mark.parametrize("count", [60, pytest.param(150, marks=pytest.mark.slow)])
 
 
 def _seeded(seed: int = 0) -> torch.Generator:
@@ -21,23 +22,25 @@ def _seeded(seed: int = 0) -> torch.Generator:
 
 
 @functools.cache
-def solved(family):
-    """Cases of a family, and their closest points."""
-    cases = family(_seeded(), CASES)
+def solved(family, count):
+    """So many cases of a family, and their closest points."""
+    cases = family(_seeded(), count)
     return cases, bezier.closest_point(*cases)
 
 
+@CASES
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
-def test_never_farther_than_dense_sampling(family):
-    cases, found = solved(family)
+def test_never_farther_than_dense_sampling(family, count):
+    cases, found = solved(family, count)
     excess = found.distance[:, 0] - sampled_distance(cases)
     worst = int((excess - cases.tolerance).argmax())
     assert excess[worst] <= cases.tolerance[worst], [v[worst].tolist() for v in cases]
 
 
+@CASES
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
-def test_distance_is_that_of_the_point_at_t(family):
-    cases, (t, point, distance) = solved(family)
+def test_distance_is_that_of_the_point_at_t(family, count):
+    cases, (t, point, distance) = solved(family, count)
     assert bool(((t >= 0) & (t <= 1)).all())
     again = bezier.evaluate(cases.points, cases.weights, t)
     assert bool(((again - point).abs().amax((1, 2)) <= cases.tolerance).all())

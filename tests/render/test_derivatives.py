@@ -99,7 +99,7 @@ def test_monte_carlo_of_the_reference_refuses_a_second_derivative():
             torch.autograd.grad(got.sum(), values["points"], retain_graph=True, allow_unused=True)
 
 
-@pytest.mark.parametrize(("space", "blur"), [("image", 0.0), ("world", 1.5)])
+@pytest.mark.parametrize(("space", "blur"), [("image", 0.0), pytest.param("world", 1.5, marks=pytest.mark.slow)])
 def test_derivatives_of_the_reference(space, blur):
     """Second ones against central differences of the first, in a direction of all inputs; forward against reverse."""
     values = leaves()

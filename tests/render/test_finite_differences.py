@@ -62,7 +62,7 @@ def test_every_input(seed, width_space, blur, output):
         assert got == pytest.approx(slope, rel=1e-5, abs=1e-5), name
 
 
-@pytest.mark.parametrize("width_space", ["image", "world"])
+@pytest.mark.parametrize("width_space", ["image", pytest.param("world", marks=pytest.mark.slow)])
 def test_gradcheck(width_space):
     """With a blur the picture is smooth; a slanted stroke, and a bend in front of it, around 8 pixels."""
     lines = [[[0.0, 1.5], [1.0, 1.9], [2.5, 1.0], [4.2, 1.1]], [[0.5, -1.0], [1.5, 3.0], [2.5, 3.0], [3.7, -0.6]]]
