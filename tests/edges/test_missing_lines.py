@@ -39,7 +39,7 @@ def ends_of(curves):
     return {tuple(sorted(pair)) for pair in curves.vertex.tolist()}
 
 
-@pytest.mark.parametrize("missing", [0, 5, 11])
+@pytest.mark.parametrize("missing", [0, pytest.param(5, marks=pytest.mark.slow), 11])
 def test_an_edge_between_known_corners_is_found(missing):
     ridges, views = looked_at()
     curves = cube([edge for n, edge in enumerate(EDGES) if n != missing])

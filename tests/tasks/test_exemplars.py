@@ -100,6 +100,7 @@ def test_the_run_says_what_it_was(chair):
     assert info["radius"] == 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_colour_and_count_arrive(tmp_path):
     main(

@@ -139,7 +139,10 @@ def check_random(name, folder):
     assert str(folder) in str(found.network["weights"])
 
 
-@pytest.mark.parametrize(("name", "save"), [("stable-diffusion", save_stable_diffusion), ("zero123", save_zero123)])
+@pytest.mark.parametrize(
+    ("name", "save"),
+    [("stable-diffusion", save_stable_diffusion), pytest.param("zero123", save_zero123, marks=pytest.mark.slow)],
+)
 def test_random_weights_of_diffusion_models_are_not(name, save, tmp_path):
     check_random(name, save(tmp_path / "weights"))
 

@@ -122,7 +122,7 @@ def test_steps_with_the_small_prior_and_a_known_view(device, tmp_path):
     [
         ("mvdream", "reconstruction"),
         pytest.param("zero123", "sds", marks=pytest.mark.slow),
-        ("stable diffusion, turned away", "nfsd"),
+        pytest.param("stable diffusion, turned away", "nfsd", marks=pytest.mark.slow),
         pytest.param("stable diffusion, turned away", "sdi", marks=pytest.mark.slow),
         *(
             pytest.param("stable diffusion, turned away", method, marks=pytest.mark.slow)
