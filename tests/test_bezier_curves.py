@@ -73,6 +73,7 @@ def test_parameters_broadcast_with_curves():
     _close(found[2, 3], bezier.evaluate(points[2, 0], weights[2, 0], t[3]))
 
 
+@pytest.mark.slow
 @given(seeds, degrees, batches)
 def test_derivatives_are_those_of_autograd(seed, degree, batch):
     points, weights = _curves(seed, degree, batch)

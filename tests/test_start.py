@@ -145,7 +145,7 @@ def test_what_needs_no_torch_is_answered_without_it(line, code, answer, answers)
     assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize("enabled", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_nothing_looks_for_garbage_while_something_large_is_imported(enabled, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     name = f"large_{enabled}"

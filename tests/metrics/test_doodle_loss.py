@@ -26,6 +26,7 @@ def seeded(seed=0):
     return torch.Generator().manual_seed(seed)
 
 
+@pytest.mark.slow
 def test_equal_images_have_no_loss(networks, images):
     """The warps of both images are the same: with others the loss would not vanish."""
     loss = DoodleLoss(*networks, warps=2)

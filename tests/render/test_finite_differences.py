@@ -16,7 +16,7 @@ SIZE = (24, 32)
 @pytest.mark.parametrize(
     ("seed", "width_space", "blur", "output"),
     [
-        (0, "image", 0.0, "color"),
+        pytest.param(0, "image", 0.0, "color", marks=pytest.mark.slow),
         pytest.param(1, "world", 0.0, "depth", marks=pytest.mark.slow),
         pytest.param(2, "world", 1.0, "alpha", marks=pytest.mark.slow),
         pytest.param(0, "image", 0.0, "alpha", marks=pytest.mark.slow),

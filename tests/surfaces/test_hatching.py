@@ -273,6 +273,7 @@ def test_solids_are_hatched_as_their_meshes():
         assert abs(length[0] / length[1] - 1) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stipple", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_hidden_parts_of_hatching_are_never_drawn(stipple):
     view, solid, how = camera(), part(), ds.Hatch("light", stipple=stipple)

@@ -185,6 +185,7 @@ def scene() -> tuple[ds.Quadrics, ds.TriangleMesh]:
     return solids, ds.TriangleMesh(*together(*placed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_what_a_union_hides_is_what_a_mesh_of_it_hides(orthographic):
     solids, mesh = scene()

@@ -53,6 +53,7 @@ def test_twelve_views_of_an_assembly_are_as_occt_draws_them(assembly):
     assert min(min(row["drawn"], row["true"]) for row in rows) > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")
 def test_what_the_kernel_knows_beforehand_is_what_numpy_says(assembly, monkeypatch):
     mesh = assembly[2].mesh

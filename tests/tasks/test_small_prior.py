@@ -76,6 +76,7 @@ def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weig
     assert (whole / "sketch.json").read_bytes() == (part / "sketch.json").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_members")
 def test_a_picture_is_the_networks_reference(weights, tmp_path, capsys):
     mug = member("mug", torch.Generator().manual_seed(5)).sketch
