@@ -30,6 +30,7 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.photogrammetry.find_project import find_project, present_views, sparse_points
 from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.pictures.dataset import PosedPictures, load_posed
+from diff3ds.pictures.store import opaque_views
 from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import ridges_of
@@ -202,11 +203,8 @@ def main() -> None:
             pictures = load_posed(held_out, "color-edges", chosen.size)
             ridges = ridges_of(pictures, torch.arange(len(pictures)))
             small = load_posed(fitted, "color-edges", min(chosen.size, 256))
-            try:
-                # Whole photographs have no silhouettes: what is not known once they are undistorted is none.
-                surface = hull_surface(small) if small.points is None else None
-            except ValueError:
-                surface = None
+            # Whole photographs have no silhouettes: what is not known once they are undistorted is none.
+            surface = None if opaque_views(small.store).all() else hull_surface(small)
         whole = ds.load(out / "run" / "sketch.json")
         for detail in chosen.detail:
             sketch = whole if detail == 1 else whole.at_detail(detail)

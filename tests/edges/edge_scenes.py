@@ -57,6 +57,29 @@ def image_line(pixels, size):
     return points[inside], normals[inside]
 
 
+def texture(cameras, seed, count=260):
+    """Ridges in all directions, in every picture others."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(len(cameras)):
+        starts, angle = rng.uniform(5, 123, (count, 2)), rng.uniform(0, np.pi, count)
+        ends = starts + 9 * np.stack([np.cos(angle), np.sin(angle)], 1)
+        parts = [image_line(np.linspace(a, b, 12), cameras.size) for a, b in zip(starts, ends, strict=True)]
+        points, normals = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+        found.append(Ridges.sharp(points, normals, np.ones(len(points))))
+    return found
+
+
+def both(first, second):
+    """The ridges of two sets in one picture each."""
+    return [
+        Ridges.sharp(
+            np.concatenate([a.points, b.points]), np.concatenate([a.normals, b.normals]), np.ones(len(a) + len(b))
+        )
+        for a, b in zip(first, second, strict=True)
+    ]
+
+
 def segment(start, stop, samples=200):
     """A polyline along a segment."""
     return np.linspace(np.asarray(start, float), np.asarray(stop, float), samples)

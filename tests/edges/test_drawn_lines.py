@@ -5,7 +5,17 @@ import math
 import numpy as np
 import pytest
 import torch
-from edge_scenes import around, distance_to_segment, image_line, lines_between, ridges_along, segment, views_of
+from edge_scenes import (
+    around,
+    both,
+    distance_to_segment,
+    image_line,
+    lines_between,
+    ridges_along,
+    segment,
+    texture,
+    views_of,
+)
 
 from diff3ds.curves.shapes.curve_set import concatenated, sampled
 from diff3ds.curves.shapes.smooth_joints import sketch_of, smooth_joints
@@ -19,29 +29,6 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.first import carve as carve_module
 
 CAMERAS = around()
-
-
-def texture(seed, count=260):
-    """Ridges in all directions, in every picture others."""
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(len(CAMERAS)):
-        starts, angle = rng.uniform(5, 123, (count, 2)), rng.uniform(0, np.pi, count)
-        ends = starts + 9 * np.stack([np.cos(angle), np.sin(angle)], 1)
-        parts = [image_line(np.linspace(a, b, 12), CAMERAS.size) for a, b in zip(starts, ends, strict=True)]
-        points, normals = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
-        found.append(Ridges.sharp(points, normals, np.ones(len(points))))
-    return found
-
-
-def both(first, second):
-    """The ridges of two sets in one picture each."""
-    return [
-        Ridges.sharp(
-            np.concatenate([a.points, b.points]), np.concatenate([a.normals, b.normals]), np.ones(len(a) + len(b))
-        )
-        for a, b in zip(first, second, strict=True)
-    ]
 
 
 def test_the_chance_is_the_share_of_places_whose_ridges_run_that_way():
@@ -74,7 +61,7 @@ def test_what_chance_shows_as_often_is_evidence_of_nothing():
 def test_edges_before_texture_stay_and_what_texture_makes_up_goes():
     """Views with nothing but texture confirm chance lines as often as any; a line that is there they show all."""
     real = segment((-0.5, 0.1, 0.0), (0.5, 0.1, 0.1))
-    views = edge_views(CAMERAS, both(texture(0), ridges_along(CAMERAS, [real])))
+    views = edge_views(CAMERAS, both(texture(CAMERAS, 0), ridges_along(CAMERAS, [real])))
     rng = np.random.default_rng(3)
     made_up = [
         (a, a + 0.3 * b / np.linalg.norm(b))
@@ -143,7 +130,7 @@ def test_a_line_goes_on_through_a_junction_where_it_is_straight():
 def test_of_too_many_cells_those_stay_that_are_least_likely_chance(monkeypatch):
     """A line before texture: more views confirm cells of nothing than of the line, but no more than chance would."""
     real = segment((-0.5, 0.1, 0.0), (0.5, 0.1, 0.1))
-    views = edge_views(CAMERAS, both(texture(0, 90), ridges_along(CAMERAS, [real])))
+    views = edge_views(CAMERAS, both(texture(CAMERAS, 0, 90), ridges_along(CAMERAS, [real])))
     shares = []
     for bound in (1e9, 1.5):
         monkeypatch.setattr(carve_module, "CELLS_A_PLACE", bound)

@@ -7,7 +7,7 @@ from PIL import Image
 
 from diff3ds.formats.png import load_reduced
 from diff3ds.pictures.reading import decoded_once as module
-from diff3ds.pictures.reading.decoded_once import decoded_once, load_once
+from diff3ds.pictures.reading.decoded_once import at_a_time, decoded_once, load_once
 
 
 @pytest.fixture
@@ -70,3 +70,17 @@ def test_what_does_not_fit_is_decoded_again(tmp_path, decodes, monkeypatch):
         for name in ("a.png", "b.png", "a.png", "b.png"):
             load_once(tmp_path / name, None)
     assert decodes == ["a.png", "b.png", "b.png"]
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+@pytest.mark.parametrize("least", [None, (240, 320), (121, 100), (60, 80), (30, 41)])
+def test_as_many_are_read_at_a_time_as_fit_in_memory(tmp_path, suffix, least):
+    """Each takes 40 bytes a pixel that is decoded, of 512 MiB: how many pixels that are the decoder says."""
+    path = tmp_path / f"picture{suffix}"
+    Image.fromarray(smooth()).save(path)
+    height, width = load_reduced(path, least)[0].shape[:2]
+    small = (path, (240, 320), least)
+    assert at_a_time([small]) == 2**29 // (40 * height * width)
+    # The largest says: 12 megapixels decoded at once are one, at half their size four.
+    assert at_a_time([small, (path.with_name("large.jpg"), (3024, 4032), None)]) == 1
+    assert at_a_time([small, (path.with_name("large.jpg"), (3024, 4032), (768, 1024))]) == 4

@@ -97,7 +97,8 @@ def test_threads_change_nothing(noise, decoded, tmp_path):
     finally:
         torch.set_num_threads(before)
     assert len(digests) == 1
-    assert used == [1, 3]
+    # A busy machine may be through with all pictures before the third begins.
+    assert used[0] == 1 < used[1]
 
 
 def test_the_first_broken_picture_is_named(noise, tmp_path):

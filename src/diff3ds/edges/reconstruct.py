@@ -294,7 +294,12 @@ def _completed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
 def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     if not scene.textured:
         return curves
-    curves = whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
+    curves = whole_lines(
+        curves,
+        scene.chance,
+        lambda found: scene.refined("whole lines", found, SECOND_RATE),
+        lambda found: edge_views(scene.cameras, unexplained(scene.views, scene.ridges, found)),
+    )
     curves = without_rounded_faces(curves)
     # Where no circle and no rim stands nothing is asked, and faint edges need not be looked at.
     if not bool(curves.closed.any()) and not find_loops(curves, scene.views.pixel):

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.curves.directions import unit
+from diff3ds.curves.directions import dot, unit
 
 # [square sine; numerical] Lines at a smaller angle than this (1.8 degrees) count as parallel.
 PARALLEL = 1e-3
@@ -74,3 +74,11 @@ def nearest_to_lines(
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     matrix = across.sum(0) + pull * np.eye(3)
     return np.linalg.solve(matrix, (across @ through[..., None])[..., 0].sum(0) + pull * anchor)
+
+
+def off_segment(x: Float[Array, "*m 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, "*m"]:
+    """Distances from a segment."""
+    along = stop - start
+    fraction = np.clip((x - start) @ along / (along @ along), 0, 1)[..., None]
+    apart = x - start - fraction * along
+    return np.sqrt(dot(apart, apart))

@@ -14,6 +14,7 @@ from diff3ds.curves.directions import dot, unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.curves.shapes.smooth_joints import smooth_joints
+from diff3ds.curves.shapes.straight_lines import off_segment
 from diff3ds.edges.clean.weld import WITHIN
 from diff3ds.edges.complete.hypothesis import COVERED, SAMPLES, SEEN, SHOWN, Hypothesis, fraction_shown
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
@@ -148,7 +149,7 @@ def _touching(
     way = ends[:, 1:] - ends[:, :1]
     x = ends[:, :1] + np.linspace(0, 1, 2 * SAMPLES)[:, None] * way
     spacing = np.sqrt(dot(way, way)) / SAMPLES
-    return np.nonzero((_off(x, start, stop) < (OPEN + SEEN) * pixel + spacing).any(1))[0]
+    return np.nonzero((off_segment(x, start, stop) < (OPEN + SEEN) * pixel + spacing).any(1))[0]
 
 
 def _renumbered(bridge: _Bridge | None, place: NDArray[np.int64]) -> _Bridge | None:
@@ -226,15 +227,7 @@ def _beside(
     x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"], pixel: float
 ) -> Bool[NDArray[np.bool_], " M"]:
     """Which points lie on the segment, but for a pixel or so."""
-    return np.asarray(_off(x, start, stop) < SEEN * pixel)
-
-
-def _off(x: Float[Array, "*m 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, "*m"]:
-    """Distances from a segment."""
-    along = stop - start
-    fraction = np.clip((x - start) @ along / (along @ along), 0, 1)[..., None]
-    apart = x - start - fraction * along
-    return np.sqrt(dot(apart, apart))
+    return np.asarray(off_segment(x, start, stop) < SEEN * pixel)
 
 
 def _with(curves: Curves, bridge: _Bridge) -> tuple[Curves, NDArray[np.int64]]:

@@ -15,7 +15,7 @@ from diff3ds.edges.drawn.gaps import contradicted
 from diff3ds.edges.evidence.chance import Chance
 
 # [px, fraction; empirical] An end is brought to a line so far away at most, and by so much of the length of its curve.
-REACH, SHARE = 22.0, 0.35
+REACH, SHARE = 40.0, 0.5
 # [px, ratio; empirical] The line lies so near to where the curve goes on, and a little farther beside it the farther
 # away it is.
 BESIDE, SPREADING = 3.0, 0.25

@@ -7,13 +7,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.curves.shapes.curve_set import Curves, sampled
+from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, sampled
 from diff3ds.edges.clean.simplify import Gaps, joined, pruned
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.drawn.gaps import contradicted
+from diff3ds.edges.drawn.grown import grown
 from diff3ds.edges.drawn.junctions import POINTS, with_junctions
 from diff3ds.edges.evidence.chance import Chance
+from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import owners, samples
 
 # [natural logarithms, natural logarithms a view; empirical] A curve is there if what all views show of it is so much
@@ -34,30 +36,53 @@ LONG_SCRAP, LONG_TWIG = 24.0, 9.0
 # [natural logarithms times px; empirical] The evidence of lines that hold on to no others, times their lengths: chance
 # makes short ones everywhere.
 ALONE = 220.0
+# [rounds; empirical] What has grown has loose ends itself.
+ROUNDS = 2
 
 
-def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curves]) -> Curves:
+def whole_lines(
+    curves: Curves,
+    chance: Chance,
+    refined: Callable[[Curves], Curves],
+    rest: Callable[[Curves], EdgeViews],
+) -> Curves:
     """Fewer, longer lines that begin and end at others.
 
     Args:
         chance: of the views.
         refined: moves curves to where the views show them; vertices stay shared.
+        rest: the views with the edges that curves do not explain.
     """
     views = chance.views
     pixel = views.pixel
-    curves = likely(curves, chance)
-    gaps = Gaps(GAP, WITHIN, lambda start, stop: not contradicted(chance, start, stop))
-    curves = with_junctions(welded(joined(curves, pixel, gaps=gaps), pixel), chance)
-    curves = likely(refined(without_scraps(curves, chance)), chance)
+    curves = without_scraps(_brought_together(likely(curves, chance), chance), chance)
+    for _ in range(ROUNDS):
+        more = grown(curves, _loose(curves, pixel), chance, rest(curves), _least(chance))
+        if not len(more):
+            break
+        curves = without_scraps(_brought_together(concatenated(curves, more), chance), chance)
+    curves = likely(refined(curves), chance)
     curves = pruned(curves, views, 0.0, 0.0, DOUBLED)
     curves = with_junctions(without_scraps(curves, chance), chance)
     return without_scraps(likely(curves, chance), chance)
 
 
+def _brought_together(curves: Curves, chance: Chance) -> Curves:
+    """Curves that continue each other as one, ends on the lines that they nearly meet."""
+    gaps = Gaps(GAP, WITHIN, lambda start, stop: not contradicted(chance, start, stop))
+    pixel = chance.views.pixel
+    return with_junctions(welded(joined(curves, pixel, gaps=gaps), pixel), chance)
+
+
 def likely(curves: Curves, chance: Chance) -> Curves:
     """The curves that are likelier to be there than to have come together by chance; all, if none is."""
-    kept = _evidence(curves, chance) > min(LIKELY, EACH_VIEW * len(chance.views))
+    kept = _evidence(curves, chance) > _least(chance)
     return curves[torch.from_numpy(kept)] if kept.any() else curves
+
+
+def _least(chance: Chance) -> float:
+    """The evidence that curves have in the mean, natural logarithms."""
+    return min(LIKELY, EACH_VIEW * len(chance.views))
 
 
 def likelier(before: Curves, after: Curves, chance: Chance) -> Curves:
@@ -89,26 +114,31 @@ def without_scraps(curves: Curves, chance: Chance) -> Curves:
         group = connected_components(meeting, directed=False)[1]
         whole, sure = (np.bincount(group, value)[group] for value in (length, told * length / pixel))
         scrap, twig = min(SCRAP * box, LONG_SCRAP * pixel), min(TWIG * box, LONG_TWIG * pixel)
-        short = (whole < scrap) | (sure < ALONE) | ((loose == 1) & (length < twig))
+        short = (whole < scrap) | (sure < ALONE) | ((loose.sum(1) == 1) & (length < twig))
         if not short.any() or short.all():
             break
         curves, told = curves[torch.from_numpy(~short)], told[~short]
     return curves
 
 
-def _meeting(curves: Curves, fine: Float[Array, "N P 3"], near: float) -> tuple[Any, Int[NDArray[np.int64], " N"]]:
-    """Which curves meet others with an end, as a sparse matrix, and how many loose ends each has."""
+def _loose(curves: Curves, pixel: float) -> Bool[NDArray[np.bool_], "N 2"]:
+    """Which ends meet no other curve."""
+    return _meeting(curves, sampled(curves, POINTS), MEETS * pixel)[1]
+
+
+def _meeting(curves: Curves, fine: Float[Array, "N P 3"], near: float) -> tuple[Any, Bool[NDArray[np.bool_], "N 2"]]:
+    """Which curves meet others with an end, as a sparse matrix, and which ends meet none."""
     from scipy.sparse import coo_array
     from scipy.spatial import cKDTree
 
     number, count = fine.shape[:2]
     steps = float(np.linalg.norm(np.diff(fine, axis=1), axis=2).max())
     found = cKDTree(fine.reshape(-1, 3)).query_ball_point(fine[:, [0, -1]], max(near, 0.6 * steps))
-    pairs, loose = [], np.zeros(number, np.int64)
+    pairs, loose = [], np.zeros((number, 2), bool)
     for curve in np.nonzero(~curves.closed.numpy())[0].tolist():
-        for end in found[curve]:
-            others = {place // count for place in end} - {curve}
+        for end in (0, 1):
+            others = {place // count for place in found[curve, end]} - {curve}
             pairs += [(curve, other) for other in others]
-            loose[curve] += not others
+            loose[curve, end] = not others
     one, other = np.array(pairs, np.int64).reshape(-1, 2).T
     return coo_array((np.ones(len(one)), (one, other)), shape=(number, number)), loose

@@ -1,6 +1,6 @@
 """Picture files that several parts of a run read, each decoded once while what it holds fits in memory."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
@@ -14,6 +14,9 @@ from diff3ds.pictures.store import MEMORY
 
 # Files that may come smaller, and how many times.
 JPEG, REDUCED = (".jpg", ".jpeg"), (8, 4, 2)
+# Bytes that pictures take while they are read, and what each pixel of one takes then: its floating point numbers and
+# as many again.
+READING, PER_PIXEL = 1 << 29, 40
 
 
 class _Kept:
@@ -67,3 +70,16 @@ def load_once(path: Path, least: tuple[int, int] | None) -> tuple[Float[Tensor, 
     if _kept is not None:
         _kept.put(key, image, full, times, reduced=least is not None)
     return image, full, times
+
+
+def at_a_time(pictures: Iterable[tuple[Path, tuple[int, int], tuple[int, int] | None]]) -> int:
+    """How many of these pictures may be read at the same time: each has a file, the size of that, and what is kept."""
+    return READING // (PER_PIXEL * max(_pixels(*picture) for picture in pictures))
+
+
+def _pixels(path: Path, full: tuple[int, int], least: tuple[int, int] | None) -> int:
+    """How many pixels of a file are decoded."""
+    times = 1
+    if least is not None and path.suffix.lower() in JPEG:
+        times = next((n for n in REDUCED if full[0] >= n * least[0] and full[1] >= n * least[1]), 1)
+    return (full[0] // times) * (full[1] // times)

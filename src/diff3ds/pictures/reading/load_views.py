@@ -11,15 +11,13 @@ from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.picture_options import Masks
-from diff3ds.pictures.reading.read_view import read_view
+from diff3ds.pictures.reading.decoded_once import at_a_time
+from diff3ds.pictures.reading.read_view import decoded_size, read_view
 from diff3ds.pictures.store import MEMORY, Store, all_known, as_bytes, byte_array
 from diff3ds.transforms import View
 
 # The sizes of a pyramid, each half the last, take a third more than the first.
 PYRAMID = 4 / 3
-# Bytes that pictures take while they are read, and what each pixel of one takes then: its floating point numbers and
-# as many again.
-READING, PER_PIXEL = 1 << 29, 40
 
 # Called with the number of pictures that have been read, and of all.
 Told = Callable[[int, int], None]
@@ -66,7 +64,8 @@ def load_some(
         rgba, seen = read(views[chosen[place]], size, masks)
         store.pixels[place, :height, :width], store.known[place, :height, :width] = as_bytes(rgba), seen
 
-    _put_all(put, len(chosen), views, told)
+    some = [views[i] for i in chosen], [sizes[i] for i in chosen]
+    _put_all(put, *some, masks, lambda done, _: told(done, len(views)))
     return Some({index: place for place, index in enumerate(chosen)}, store)
 
 
@@ -110,15 +109,19 @@ def load_views(
         if not whole:
             store.known[i, :height, :width] = seen
 
-    _put_all(put, len(views), views, told)
+    _put_all(put, views, sizes, masks, told)
     return store
 
 
-def _put_all(put: Callable[[int], None], count: int, views: list[View], told: Told) -> None:
-    """Reads so many of the views, several at a time."""
-    largest = max(view.size[0] * view.size[1] for view in views)
+def _put_all(
+    put: Callable[[int], None], views: list[View], sizes: list[tuple[int, int]], masks: Masks, told: Told
+) -> None:
+    """Reads the views, several at a time."""
+    files = [
+        (view.picture, view.size, decoded_size(view, size, masks)) for view, size in zip(views, sizes, strict=True)
+    ]
     told(0, len(views))
-    side_by_side(put, count, READING // (PER_PIXEL * largest), lambda done: told(done, len(views)))
+    side_by_side(put, len(views), at_a_time(files), lambda done: told(done, len(views)))
 
 
 def _room(views: list[View], canvas: tuple[int, int], channels: int, scratch: Path | None, whole: bool) -> Store:

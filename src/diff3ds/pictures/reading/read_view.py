@@ -60,12 +60,17 @@ def read_view(
 
 def decode(view: View, size: tuple[int, int], masks: Masks = "ignore") -> Decoded:
     """The files of a view, for pictures of at most this size; arguments and errors as for `read_view`."""
-    # Masks are decoded in full, so the picture is as well.
-    masked = view.mask is not None or has_left_out(view, masks)
-    image, full, times = load_once(view.picture, None if masked else (DECODED * size[0], DECODED * size[1]))
+    image, full, times = load_once(view.picture, decoded_size(view, size, masks))
     if full != view.size:
         image, times = load_of_size(view.picture, view.size, "the cameras say"), 1
     return Decoded(premultiplied(image), times, object_fraction(view, masks), counted(view, masks))
+
+
+def decoded_size(view: View, size: tuple[int, int], masks: Masks) -> tuple[int, int] | None:
+    """What is decoded of a picture at least, for one of this size; None is all of it."""
+    # Masks are decoded in full, so the picture is as well.
+    masked = view.mask is not None or has_left_out(view, masks)
+    return None if masked else (DECODED * size[0], DECODED * size[1])
 
 
 def shown(

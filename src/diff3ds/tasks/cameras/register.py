@@ -16,10 +16,11 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.png import save_png, size_of
+from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.programs import colmap
-from diff3ds.pictures.reading.decoded_once import load_once
+from diff3ds.pictures.reading.decoded_once import at_a_time, load_once
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
 from diff3ds.tasks.cameras.registration_options import RegistrationOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -144,22 +145,32 @@ def _about(
 
 
 def _reduced(pictures: list[Path], sizes: list[tuple[int, int]], folder: Path, size: int, report: Report) -> list[str]:
-    """Gray copies, read one at a time; returns their names, which sort as the pictures do."""
+    """Gray copies, several read at a time; returns their names, which sort as the pictures do."""
     folder.mkdir(parents=True)
-    names = []
-    for i, (picture, full) in enumerate(zip(pictures, sizes, strict=True)):
-        report(Progress("read photographs", i, len(pictures), None, 0))
-        scale = min(1.0, size / max(full))
-        small = max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
-        names.append(f"{i:05d}.png")
-        save_png(folder / names[-1], _gray(picture, small))
-    report(Progress("read photographs", len(pictures), len(pictures), None, 0))
+    names = [f"{i:05d}.png" for i in range(len(pictures))]
+
+    small = [_reduced_size(full, size) for full in sizes]
+
+    def told(done: int) -> None:
+        report(Progress("read photographs", done, len(pictures), None, 0))
+
+    def reduce(i: int) -> None:
+        save_png(folder / names[i], _gray(pictures[i], small[i]))
+
+    told(0)
+    side_by_side(reduce, len(pictures), at_a_time(zip(pictures, sizes, small, strict=True)), told)
     return names
+
+
+def _reduced_size(full: tuple[int, int], longest: int) -> tuple[int, int]:
+    """(height, width) with so many pixels along the longer side, at most."""
+    scale = min(1.0, longest / max(full))
+    return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
 
 
 def _gray(picture: Path, size: tuple[int, int]) -> torch.Tensor:
     """A picture over white, in gray, by area means."""
-    image, _, _ = load_once(picture, (2 * size[0], 2 * size[1]))
+    image, _, _ = load_once(picture, size)
     clear = 1 - image[..., 3:] if image.shape[2] == 4 else image.new_zeros(())
     gray = image[..., :3].mean(-1, keepdim=True) * (1 - clear) + clear
     small = torch.nn.functional.interpolate(gray.permute(2, 0, 1)[None], size, mode="area")
