@@ -104,6 +104,12 @@ def test_ends_meet_the_lines_that_they_nearly_meet():
     assert np.allclose(ends[0, 1], (0.6 + 3 * pixel, 0, 0), atol=pixel)
     assert int(found.vertex[0, 1]) == int(found.vertex[1, 0])
 
+    # Of long lines an end reaches 40 pixels, the 30 before the bar, which nothing contradicts, but not 45.
+    for off, reached in ((30, True), (45, False)):
+        foot = ((0.1, off * pixel, 0), (0.1, off * pixel + 1.6, 0))
+        found = with_junctions(lines_between(bar, foot), chance)
+        assert np.allclose(sampled(found)[1, 0], (0.1, 0 if reached else off * pixel, 0), atol=pixel / 3)
+
     far = ((0.1, 0.5, 0), (0.1, 0.9, 0))
     assert torch.equal(with_junctions(lines_between(bar, far), chance).points, lines_between(bar, far).points)
 

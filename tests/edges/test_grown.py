@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import torch
 from edge_scenes import around, both, lines_between, ridges_along, segment, texture
 
 from diff3ds.edges.drawn.grown import against_chance, grown
 from diff3ds.edges.drawn.whole_lines import whole_lines
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
 
 CAMERAS = around()
@@ -57,9 +59,20 @@ def test_a_line_turns_into_a_direction_that_others_share():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_grows_into_texture(seed):
+    """Nor hardly anything where less than chance is enough: as much grows aside, but for the best by luck."""
     chance, rest = scene((LEFT, RIGHT), *UPRIGHTS, seed=seed)
     known = lines_between((LEFT, RIGHT), *UPRIGHTS)
     assert len(grown(known, np.ones((4, 2), bool), chance, rest(known), 2.0)) == 0
+    assert len(grown(known, np.ones((4, 2), bool), chance, rest(known), -1.0)) <= 2
+
+
+def test_nothing_grows_where_nothing_is_left_to_explain():
+    """Of clean pictures curves explain all edges; and a line that is a point runs nowhere."""
+    views = edge_views(CAMERAS, ridges_along(CAMERAS, [segment(LEFT, RIGHT)]))
+    known = lines_between((LEFT, RIGHT), (TOP, TOP))
+    nothing = edge_views(CAMERAS, [Ridges.sharp(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)) for _ in CAMERAS])
+    assert len(grown(known, np.ones((2, 2), bool), Chance.of(views), nothing, 2.0)) == 0
+    assert len(grown(known[torch.tensor([1])], np.ones((1, 2), bool), Chance.of(views), views, 2.0)) == 0
 
 
 def test_lines_are_drawn_with_what_grows_at_them():
@@ -71,15 +84,18 @@ def test_lines_are_drawn_with_what_grows_at_them():
         assert np.linalg.norm(drawn - corner, axis=1).min() < 3 * chance.views.pixel
 
 
-def test_as_many_grow_as_there_are_three_for_each_that_chance_makes():
-    """Of scores 9 to 1, and as many moved to two sides: of those above 4.5 five grow where two sides have three."""
+def test_three_grow_for_each_that_chance_makes():
+    """Scores of 9 to 1, and of the same moved to two sides, half of which chance makes at one place."""
     score = np.arange(9.0, 0, -1)
     by_chance = np.zeros((2, 9))
-    by_chance[:, :3] = [[4.6, 0, 0], [4.7, 4.8, 0]]
+    # Two at 4.5 are one by chance, for which three above are enough; four more at 2.5 are three, for which nine are.
+    by_chance[:, 0] = 4.5
     assert against_chance(score, by_chance).sum() == 9
-    # Six above 3 at two sides: three by chance, for nine at least.
-    by_chance[:, :3] = 8.5
+    by_chance[:, 1:3] = 2.5
     assert against_chance(score, by_chance).sum() == 9
+    # A fourth: of those above 2.5 seven grow, all nine are fewer than three times four.
+    by_chance[:, 3] = 2.5
+    assert against_chance(score, by_chance).sum() == 7
     by_chance[:, :4] = 8.5
     assert against_chance(score, by_chance).sum() == 1
     assert against_chance(score, np.full((2, 9), 10.0)).sum() == 0

@@ -81,6 +81,25 @@ def test_as_many_are_read_at_a_time_as_fit_in_memory(tmp_path, suffix, least):
     height, width = load_reduced(path, least)[0].shape[:2]
     small = (path, (240, 320), least)
     assert at_a_time([small]) == 2**29 // (40 * height * width)
-    # The largest says: 12 megapixels decoded at once are one, at half their size four.
-    assert at_a_time([small, (path.with_name("large.jpg"), (3024, 4032), None)]) == 1
-    assert at_a_time([small, (path.with_name("large.jpg"), (3024, 4032), (768, 1024))]) == 4
+
+
+def test_the_largest_picture_says_how_many_are_read_at_a_time(tmp_path):
+    """12 megapixels in full are one, at half their size four; a turned file is read in full."""
+    small, large = tmp_path / "small.jpg", tmp_path / "large.jpg"
+    Image.fromarray(smooth()).save(small)
+    Image.new("L", (4032, 3024)).save(large)
+    first = (small, (240, 320), (60, 80))
+    assert at_a_time([first, (large, (3024, 4032), None)]) == 1
+    assert at_a_time([first, (large, (3024, 4032), (768, 1024))]) == 4
+    assert at_a_time([first, (large, (4032, 3024), (1024, 768))]) == 1
+    # Who keeps pictures for what will be asked for later decodes more of them.
+    with decoded_once(4032):
+        assert at_a_time([first, (large, (3024, 4032), (768, 1024))]) == 1
+
+
+def test_what_is_asked_for_first_does_for_what_is_larger(tmp_path, decodes):
+    Image.fromarray(smooth()).save(tmp_path / "a.jpg")
+    with decoded_once(160):
+        assert load_once(tmp_path / "a.jpg", (30, 40))[2] == 2
+        assert load_once(tmp_path / "a.jpg", (120, 160))[2] == 2
+    assert decodes == ["a.jpg"]

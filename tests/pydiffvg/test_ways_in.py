@@ -67,7 +67,6 @@ def test_a_script_that_is_not_touched(script, monkeypatch):
             main()
 
 
-@pytest.mark.slow
 def test_the_distribution_gives_the_name(script):
     code, said, error = run(script, "inner/main.py", PYTHONPATH=str(ROOT / "drop_in"))
     assert code == 0, error

@@ -68,13 +68,18 @@ def test_colour_shape_and_transparency_are_found(pictures):
     assert float((drawn - pictures.batch(range(20)).alpha).square().mean().sqrt()) < 0.06
 
 
+def test_the_number_of_strokes_is_looked_for_between_64_and_1024(pictures):
+    plan = plan_color(pictures, ViewsOptions(steps=100), None)
+    (density,) = plan.config.refinements
+    assert len(plan.start) == LEAST == density.least == 64
+    assert density.most == MOST == 1024
+
+
 @pytest.mark.slow
 def test_the_number_of_strokes_is_found_between_limits(pictures):
     """Two bars need no more strokes than there are at the start; the tolerance decides."""
     plan = plan_color(pictures, ViewsOptions(steps=100), None)
-    assert len(plan.start) == LEAST
     (density,) = plan.config.refinements
-    assert (density.least, density.most) == (LEAST, MOST)
     strict = replace(plan.config, refinements=[replace(density, tolerance=0.0, most=100)])
     loose = replace(plan.config, refinements=[replace(density, tolerance=1.0)])
     assert len(run(plan, strict)) == 100

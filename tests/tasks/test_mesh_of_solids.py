@@ -66,7 +66,6 @@ def test_strokes_say_their_edges_and_faces_and_parts_are_layers(rounded, tmp_pat
     assert json.loads((tmp_path / "run.json").read_text())["parts"] == ["base plate", "pin"]
 
 
-@pytest.mark.slow
 def test_lines_between_smooth_faces_are_thin_drawn_or_hidden(rounded, tmp_path):
     widths = {}
     for how in ("thin", "drawn", "hidden"):
@@ -96,7 +95,6 @@ def test_options_of_meshes_are_refused(rounded, tmp_path, option, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
 def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     surface = ds.load_surface(rounded)
     along = ds.Sketch(torch.tensor([[[15.0, 10, 5], [15, 10, 30]]]))

@@ -18,6 +18,9 @@ def browser() -> Iterator[Browser]:
         started.append(Browser())
     started[0].prefer("light")
     yield started[0]
+    # What pages of files keep, and the size of a screen, are nothing for the next test.
+    started[0].ask("Storage.clearDataForOrigin", origin="file://", storageTypes="all")
+    started[0].ask("Emulation.clearDeviceMetricsOverride")
     started[0].ask("Page.navigate", url="about:blank")
 
 
@@ -26,4 +29,10 @@ def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None]:
     """Other tests count the processes that theirs has."""
     yield
     if started and (nextitem is None or Path(__file__).parent not in nextitem.path.parents):
+        started.pop().close()
+
+
+def pytest_sessionfinish() -> None:
+    """After an interrupt there is no test whose end would close it."""
+    while started:
         started.pop().close()

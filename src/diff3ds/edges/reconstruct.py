@@ -209,6 +209,11 @@ class _Scene:
         self.report(stage, 0, None, None, curves)
         return lambda done, total: self.report(stage, done, total, None, curves)
 
+    def rest(self, curves: Curves) -> EdgeViews:
+        """The views with the edges that no curve explains."""
+        self.report("loose ends", 0, None, None, len(curves))
+        return edge_views(self.cameras, unexplained(self.views, self.ridges, curves))
+
     def refined(self, name: str, curves: Curves, rate: float) -> Curves:
         self.report(name, 0, STEPS, None, len(curves))
         return refined(
@@ -298,7 +303,7 @@ def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
         curves,
         scene.chance,
         lambda found: scene.refined("whole lines", found, SECOND_RATE),
-        lambda found: edge_views(scene.cameras, unexplained(scene.views, scene.ridges, found)),
+        scene.rest,
     )
     curves = without_rounded_faces(curves)
     # Where no circle and no rim stands nothing is asked, and faint edges need not be looked at.

@@ -136,7 +136,8 @@ class _Order:
         if drawn or self.target is None:
             some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
             looks = _Looks()
-            first = load_some(views, sizes, some, looks, self.scratch, masks, self.told)
+            looked = [looked_size(view, size) for view, size in zip(views, sizes, strict=True)]
+            first = load_some(views, sizes, looked, some, looks, self.scratch, masks, self.told)
             background = _background([views[i] for i in some], looks, drawn, masks)
             if self.edges and not _is_gray(torch.cat(looks.pixels)):
                 raise ValueError(
@@ -171,6 +172,11 @@ def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
     """(height, width) of a picture reduced to at most this many pixels along its longer side."""
     scale = min(1.0, size / max(full))
     return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
+
+
+def looked_size(view: View, size: tuple[int, int]) -> tuple[int, int]:
+    """(height, width) for which a picture is decoded that is looked at and kept in this size."""
+    return max(reduced(view.size, LOOKED_SIZE), size)
 
 
 def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cameras:
@@ -235,7 +241,7 @@ class _Looks:
     def __call__(self, view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
         """As `read_view`."""
         small = reduced(view.size, LOOKED_SIZE)
-        picture = decode(view, max(small, size), masks)
+        picture = decode(view, looked_size(view, size), masks)
         # What a mask of the object hides has the background's value, which is not known yet.
         rgba, known = shown(picture, view, small, cut=False)
         self.pixels.append(rgba[known])

@@ -23,6 +23,8 @@ ASIDE = 16.0
 AGAINST_CHANCE = 3.0
 # [lines, cosine; empirical] Lines turn into directions that so many share, to within 4 degrees.
 SHARING, SHARED = 3, 0.9976
+# [directions; speed] Of these so many, that most length shares: buildings have fewer.
+MOST_SHARED = 12
 # [cosine; empirical] A direction so near to that of a line is its own: 20 degrees.
 OWN = 0.94
 # [px, fraction; empirical] What lies so near to a line that has grown already, for so much of its length, is the same.
@@ -42,30 +44,33 @@ def grown(
         rest: the same views with the edges that no curve explains.
         least: evidence that grown lines have along all of their length in the mean, natural logarithms.
     """
-    starts, directions, on = _rays(curves, loose)
     pixel, told = chance.views.pixel, replace(chance, views=rest)
+    starts, directions, on = _rays(curves, loose, SHORTEST * pixel)
+    if not len(starts) or not len(rest.points):
+        return curves_of([])
     score, reach = _growth(told, starts, directions, least)
     aside = [_growth(told, starts + ASIDE * pixel * side, directions, least)[0] for side in _sides(directions)]
     chosen = np.zeros(len(starts), bool)
     for kind in (on, ~on):
         chosen[kind] = against_chance(score[kind], np.stack(aside)[:, kind])
     chosen &= reach > SHORTEST * pixel
-    lines: list[Primitive] = []
-    for row in np.argsort(-score, kind="stable"):
-        stop = starts[row] + reach[row] * directions[row]
-        known = [line.control[[0, 3]] for line in lines]
-        if chosen[row] and not any(_along(starts[row], stop, one, other, DOUBLED * pixel) for one, other in known):
-            lines.append(Primitive(Kind.LINE, line_control(starts[row], stop), np.zeros(0)))
-    return curves_of(lines)
+    order = np.argsort(-score, kind="stable")
+    known: list[tuple[Float[Array, " 3"], Float[Array, " 3"]]] = []
+    for row in order[chosen[order]]:
+        start, stop = starts[row], starts[row] + reach[row] * directions[row]
+        if not any(_along(start, stop, one, other, DOUBLED * pixel) for one, other in known):
+            known.append((start, stop))
+    return curves_of([Primitive(Kind.LINE, line_control(*ends), np.zeros(0)) for ends in known])
 
 
 def _rays(
-    curves: Curves, loose: Bool[NDArray[np.bool_], "N 2"]
+    curves: Curves, loose: Bool[NDArray[np.bool_], "N 2"], shortest: float
 ) -> tuple[Float[Array, "R 3"], Float[Array, "R 3"], Bool[NDArray[np.bool_], " R"]]:
-    """From where lines may grow, in which directions, and whether that goes on as the line runs."""
-    rows = np.nonzero((curves.kind == Kind.LINE).numpy())[0]
-    ends = curves.points.double().numpy()[rows][:, [0, 3]]
+    """From where longer lines may grow, in which directions, and whether that is on as the line runs."""
+    ends = curves.points.double().numpy()[:, [0, 3]]
     along = ends[:, 1] - ends[:, 0]
+    rows = np.nonzero((curves.kind == Kind.LINE).numpy() & (np.linalg.norm(along, axis=1) > shortest))[0]
+    ends, along = ends[rows], along[rows]
     shared = _shared(along)
     starts, directions, on = [], [], []
     for row, pair, way in zip(rows, ends, unit(along), strict=True):
@@ -79,16 +84,17 @@ def _rays(
 
 
 def _shared(along: Float[Array, "L 3"]) -> list[Float[Array, " 3"]]:
-    """Directions that several lines share, by the longest lines first."""
+    """Directions that several lines share, those first that most length does."""
     found = []
     along = along[np.argsort(-np.linalg.norm(along, axis=1), kind="stable")]
     while len(along):
         cosine = unit(along) @ unit(along[0])
         same = np.abs(cosine) > SHARED
         if same.sum() >= SHARING:
-            found.append(unit((np.sign(cosine[same])[:, None] * along[same]).sum(0)))
+            found.append((np.sign(cosine[same])[:, None] * along[same]).sum(0))
         along = along[~same]
-    return found
+    found.sort(key=lambda way: -float(np.linalg.norm(way)))
+    return [unit(way) for way in found[:MOST_SHARED]]
 
 
 def _sides(directions: Float[Array, "R 3"]) -> list[Float[Array, "R 3"]]:
@@ -103,8 +109,6 @@ def _growth(
     told: Chance, starts: Float[Array, "R 3"], directions: Float[Array, "R 3"], least: float
 ) -> tuple[Float[Array, " R"], Float[Array, " R"]]:
     """How far rays go with most evidence beyond the least, and that: natural logarithms times pixels, world units."""
-    if not len(starts):
-        return np.zeros(0), np.zeros(0)
     steps = SPACING * told.views.pixel * (1 + np.arange(int(LONGEST / SPACING)))
     points = starts[:, None] + steps[:, None] * directions[:, None]
     tangents = np.repeat(directions, len(steps), 0)

@@ -1,5 +1,6 @@
 """Picture files that several parts of a run read, each decoded once while what it holds fits in memory."""
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,7 +9,7 @@ from threading import Lock
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.formats.png import load_reduced
+from diff3ds.formats.png import load_reduced, size_of
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.pictures.store import MEMORY
 
@@ -66,20 +67,28 @@ def load_once(path: Path, least: tuple[int, int] | None) -> tuple[Float[Tensor, 
         held, full, times = kept
         if times == 1 or (least is not None and all(n >= times * m for n, m in zip(full, least, strict=True))):
             return held / 255 if held.dtype == torch.uint8 else held, full, times
-    image, full, times = load_reduced(path, least)
+    image, full, times = load_reduced(path, _enough(least))
     if _kept is not None:
         _kept.put(key, image, full, times, reduced=least is not None)
     return image, full, times
 
 
 def at_a_time(pictures: Iterable[tuple[Path, tuple[int, int], tuple[int, int] | None]]) -> int:
-    """How many of these pictures may be read at the same time: each has a file, the size of that, and what is kept."""
+    """How many of these pictures may be read at the same time: each has a file, a size, and what is kept of that."""
     return READING // (PER_PIXEL * max(_pixels(*picture) for picture in pictures))
 
 
 def _pixels(path: Path, full: tuple[int, int], least: tuple[int, int] | None) -> int:
-    """How many pixels of a file are decoded."""
-    times = 1
-    if least is not None and path.suffix.lower() in JPEG:
+    """How many pixels of a file are decoded: all, where it has not this size (`read_view.decode`)."""
+    times, least = 1, _enough(least)
+    if least is not None and path.suffix.lower() in JPEG and size_of(path) == full:
         times = next((n for n in REDUCED if full[0] >= n * least[0] and full[1] >= n * least[1]), 1)
     return (full[0] // times) * (full[1] // times)
+
+
+def _enough(least: tuple[int, int] | None) -> tuple[int, int] | None:
+    """What is decoded at least, for those too who will ask for more of a picture that is kept."""
+    if least is None or _kept is None:
+        return least
+    scale = max(1.0, _kept.longest / max(least))
+    return math.ceil(scale * least[0]), math.ceil(scale * least[1])

@@ -46,6 +46,7 @@ def canvas_of(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
 def load_some(
     views: list[View],
     sizes: list[tuple[int, int]],
+    decoded: list[tuple[int, int]],
     chosen: list[int],
     read: Read,
     scratch: Path | None = None,
@@ -55,6 +56,7 @@ def load_some(
     """The colours of the chosen views, for `load_views`, which then need not be read again.
 
     Args:
+        decoded: (height, width) for which each view is decoded.
         read: makes the pictures.
     """
     store = _room([views[i] for i in chosen], canvas_of(sizes), 4, scratch, whole=False)
@@ -64,7 +66,7 @@ def load_some(
         rgba, seen = read(views[chosen[place]], size, masks)
         store.pixels[place, :height, :width], store.known[place, :height, :width] = as_bytes(rgba), seen
 
-    some = [views[i] for i in chosen], [sizes[i] for i in chosen]
+    some = [views[i] for i in chosen], [decoded[i] for i in chosen]
     _put_all(put, *some, masks, lambda done, _: told(done, len(views)))
     return Some({index: place for place, index in enumerate(chosen)}, store)
 

@@ -20,6 +20,7 @@ from diff3ds.parallel.side_by_side import side_by_side
 from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.programs import colmap
+from diff3ds.pictures.dataset import reduced
 from diff3ds.pictures.reading.decoded_once import at_a_time, load_once
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
 from diff3ds.tasks.cameras.registration_options import RegistrationOptions
@@ -28,6 +29,9 @@ from diff3ds.transforms import View
 
 # Of more pictures, all pairs take long: a hundred are 5,000 pairs, some seconds each ten. [empirical]
 MOST_PAIRED = 60
+# [ratio, ratio; empirical] All cameras are adjusted at once each time that there are a tenth more of them, and of more
+# than `MOST_PAIRED` three tenths: of 200 the reprojection error is the same, .59 pixels, in 110 s instead of 155.
+OFTEN, SELDOM = 1.1, 1.3
 # In a sequence each picture is compared with so many that follow it, and with those 2, 4, 8 and so on times farther.
 NEIGHBOURS = 8
 # Of the photographs: fewer that are placed are said to be a failure, and what to do. [empirical]
@@ -104,6 +108,7 @@ def register(
             "camera_model": "SIMPLE_RADIAL",
             "parameters": focal or [],
             "one_camera": len(set(sizes)) == 1,
+            "again": SELDOM if len(names) > MOST_PAIRED else OFTEN,
         }
         (place / "job.json").write_text(json.dumps(job), encoding="utf-8")
         models = _process(place / "job.json", report, say)
@@ -149,7 +154,7 @@ def _reduced(pictures: list[Path], sizes: list[tuple[int, int]], folder: Path, s
     folder.mkdir(parents=True)
     names = [f"{i:05d}.png" for i in range(len(pictures))]
 
-    small = [_reduced_size(full, size) for full in sizes]
+    small = [reduced(full, size) for full in sizes]
 
     def told(done: int) -> None:
         report(Progress("read photographs", done, len(pictures), None, 0))
@@ -162,14 +167,12 @@ def _reduced(pictures: list[Path], sizes: list[tuple[int, int]], folder: Path, s
     return names
 
 
-def _reduced_size(full: tuple[int, int], longest: int) -> tuple[int, int]:
-    """(height, width) with so many pixels along the longer side, at most."""
-    scale = min(1.0, longest / max(full))
-    return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
-
-
 def _gray(picture: Path, size: tuple[int, int]) -> torch.Tensor:
-    """A picture over white, in gray, by area means."""
+    """A picture over white, in gray, by area means.
+
+    JPEG files are decoded at no less than this size: decoded at no less than twice of it, whose means hide what their
+    reduced decoding does differently, eleven photographs of a castle are placed with .39 pixels of error, and so .41.
+    """
     image, _, _ = load_once(picture, size)
     clear = 1 - image[..., 3:] if image.shape[2] == 4 else image.new_zeros(())
     gray = image[..., :3].mean(-1, keepdim=True) * (1 - clear) + clear
