@@ -1,17 +1,18 @@
 """How a sketch of photographs draws views that it was not fitted to, where nobody knows the true edges.
 
-    python benchmarks/held_out.py OUT FOLDER... [--size 512] [--detail 1 0.5 0.2] [--kept] [--json FILE] [OPTIONS]
+    python benchmarks/held_out.py OUT FOLDER... [--size PIXELS] [--detail 1 0.5 0.2] [--kept] [--json FILE] [OPTIONS]
 
 `diff3ds views --target color-edges --keep-cameras` fits three quarters of the pictures of each folder; every fourth
-judges. Precision: of the lines that are seen there (hidden ones are left out where pictures have silhouettes), the
-length that lies within 2 pixels of an edge of the picture; beside it, what the same lines reach moved elsewhere in it.
-Recall: the strong edges within 2 pixels of a line that runs along them, strong being the upper half of those within the
-sketch's box. Free: strokes both of whose ends have no other stroke within .4 % of the sketch's longest side. Median:
-the length of the median stroke, of that side. Other options, such as `--bound none`, go to the command. With `--kept`
-runs that are there are judged again.
+judges, in pictures of the command's own size if none is given. Precision: of the lines that are seen there (hidden ones
+are left out where pictures have silhouettes), the length that lies within 2 pixels of an edge of the picture; beside
+it, what the same lines reach moved elsewhere in it. Recall: the strong edges within 2 pixels of a line that runs along
+them, strong being the upper half of those within the sketch's box. Free: strokes both of whose ends have no other
+stroke within .4 % of the sketch's longest side. Median: the length of the median stroke, of that side. Other options,
+such as `--bound none`, go to the command. With `--kept` runs that are there are judged again.
 """
 
 import argparse
+import json
 import subprocess
 import sys
 import time
@@ -68,11 +69,11 @@ def split(folder: Path, out: Path) -> tuple[Path, Path]:
     return files[0], files[1]
 
 
-def fit(project: Path, out: Path, size: int, extra: list[str]) -> float:
+def fit(project: Path, out: Path, extra: list[str]) -> float:
     """Runs the command; seconds."""
     command = [sys.executable, "-m", "diff3ds.cli", "views", str(project), "-o", str(out), "--target", "color-edges"]
     begun = time.perf_counter()
-    subprocess.run([*command, "--size", str(size), "--keep-cameras", "--overwrite", "--quiet", *extra], check=True)
+    subprocess.run([*command, "--keep-cameras", "--overwrite", "--quiet", *extra], check=True)
     return time.perf_counter() - begun
 
 
@@ -186,7 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("folders", type=Path, nargs="+")
-    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--size", type=int)
     parser.add_argument("--detail", type=float, nargs="+", default=[1.0])
     parser.add_argument("--kept", action="store_true")
     parser.add_argument("--json", type=Path)
@@ -197,12 +198,14 @@ def main() -> None:
         fitted, held_out = split(folder, out)
         seconds = None
         if not (chosen.kept and (out / "run" / "sketch.json").is_file()):
-            seconds = fit(fitted, out / "run", chosen.size, extra)
+            sized = [] if chosen.size is None else ["--size", str(chosen.size)]
+            seconds = fit(fitted, out / "run", [*sized, *extra])
+        size = json.loads((out / "run" / "run.json").read_text())["options"]["size"]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            pictures = load_posed(held_out, "color-edges", chosen.size)
+            pictures = load_posed(held_out, "color-edges", size)
             ridges = ridges_of(pictures, torch.arange(len(pictures)))
-            small = load_posed(fitted, "color-edges", min(chosen.size, 256))
+            small = load_posed(fitted, "color-edges", min(size, 256))
             # Whole photographs have no silhouettes: what is not known once they are undistorted is none.
             surface = None if opaque_views(small.store).all() else hull_surface(small)
         whole = ds.load(out / "run" / "sketch.json")

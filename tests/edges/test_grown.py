@@ -20,11 +20,11 @@ UPRIGHTS = [((x, -0.7, 0.3), (x, -0.3, 0.3)) for x in (-0.4, 0.0, 0.4)]
 BEYOND = 5
 
 
-def scene(*edges, seed=1):
+def scene(*edges, seed=1, cameras=CAMERAS, shown=None):
     """What the views show by chance of these edges before texture, and what curves leave of it."""
-    ridges = both(texture(CAMERAS, seed, 60), ridges_along(CAMERAS, [segment(*edge) for edge in edges]))
-    views = edge_views(CAMERAS, ridges)
-    return Chance.of(views), lambda curves: edge_views(CAMERAS, unexplained(views, ridges, curves))
+    ridges = both(texture(cameras, seed, 60), ridges_along(cameras, [segment(*edge) for edge in edges], shown))
+    views = edge_views(cameras, ridges)
+    return Chance.of(views), lambda curves: edge_views(cameras, unexplained(views, ridges, curves))
 
 
 def ends_of(curves):
@@ -82,6 +82,19 @@ def test_lines_are_drawn_with_what_grows_at_them():
     drawn = ends_of(whole_lines(known, chance, lambda curves: curves, rest)).reshape(-1, 3)
     for corner in (LEFT, RIGHT, TOP):
         assert np.linalg.norm(drawn - corner, axis=1).min() < 3 * chance.views.pixel
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("views", "grows"), [(6, True), (4, False)])
+def test_of_few_views_not_all_have_to_show_what_grows(seed, views, grows):
+    """The second half of a line is seen in some of ten views, which is less than a line of its own has to have."""
+    shown = np.ones((10, 5), bool)
+    shown[views:, 1] = False
+    edges = ((LEFT, MIDDLE), (MIDDLE, RIGHT), *UPRIGHTS)
+    chance, rest = scene(*edges, seed=seed, cameras=around(views=10), shown=shown)
+    known = lines_between((LEFT, MIDDLE), *UPRIGHTS)
+    drawn = ends_of(whole_lines(known, chance, lambda curves: curves, rest)).reshape(-1, 3)
+    assert (np.linalg.norm(drawn - RIGHT, axis=1).min() < 3 * chance.views.pixel) == grows
 
 
 def test_three_grow_for_each_that_chance_makes():

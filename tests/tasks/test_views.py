@@ -1,6 +1,7 @@
 """`diff3ds views` on scenes with known answers, through the command line."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.optimize.density import Observation, footprints
+from diff3ds.tasks.views.read_scene import sized
 from diff3ds.tasks.views.run_views import run_views
 from diff3ds.tasks.views.views_options import ViewsOptions
 
@@ -186,6 +188,8 @@ def test_edges_of_coloured_pictures(tmp_path):
     main(["views", str(tmp_path), "--target", "color-edges", "-o", str(tmp_path / "out"), "--quiet"])
     run = json.loads((tmp_path / "out" / "run.json").read_text())
     assert run["target"] == "color-edges"
+    # Of 20 photographs: 512 sqrt(50 / 20) = 809.5.
+    assert run["options"]["size"] == 810
     corners = torch.tensor([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half @ turn.T
     pairs = [(i, j) for i in range(8) for j in range(i) if (i ^ j) in (1, 2, 4)]
     truth = ds.Sketch(torch.stack([torch.stack([corners[i], corners[j]]) for i, j in pairs]))
@@ -194,6 +198,23 @@ def test_edges_of_coloured_pictures(tmp_path):
     assert (distances(truth, found) < 0.02).float().mean() > 0.97
     assert (distances(found, truth) < 0.02).float().mean() > 0.97
     assert 12 <= len(found) <= 15
+
+
+@pytest.mark.parametrize("cameras", [True, False])
+@pytest.mark.parametrize(("count", "size"), [(3, 1024), (12, 1024), (18, 853), (50, 512), (72, 512)])
+def test_few_photographs_are_kept_larger(tmp_path, count, size, cameras):
+    names = [f"{i}.png" for i in range(count)]
+    for name in names:
+        Image.new("RGB", (8, 8), (90, 40, 20)).save(tmp_path / name)
+    if cameras:
+        found = ds.orbit([360 * i / count for i in range(count)], 20, 2.6, size=8)
+        ds.save_transforms(tmp_path / "transforms.json", found, names)
+    edges = ViewsOptions(target="color-edges")
+    # As many pixels in all as 50 pictures of 512 have: 512 sqrt(50 / 18) = 853.3.
+    assert sized(tmp_path, edges).size == size
+    assert sized(tmp_path, replace(edges, size=300)).size == 300
+    for target in (None, "edges", "color"):
+        assert sized(tmp_path, ViewsOptions(target=target)).size == 512
 
 
 def test_random_curves_want_drawings(colored, capsys):

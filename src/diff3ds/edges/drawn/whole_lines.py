@@ -21,6 +21,8 @@ from diff3ds.edges.evidence.support import owners, samples
 # [natural logarithms, natural logarithms a view; empirical] A curve is there if what all views show of it is so much
 # likelier than by chance, in the mean over its points; where views are few, so much a view, for they cannot say more.
 LIKELY, EACH_VIEW = 10.0, 0.8
+# [natural logarithms a view; empirical] What grows at a line's end needs less where views are few: the line is there.
+EACH_GROWING = 0.4
 # [px, px; empirical] Gaps in a line, and how far from one curve the points of its pieces may lie.
 GAP, WITHIN = 24.0, 1.2
 # [px; empirical] Lines so near to each other, such as both edges of a thin plate or of a groove, are one: the pen draws
@@ -57,7 +59,7 @@ def whole_lines(
     pixel = views.pixel
     curves = without_scraps(_brought_together(likely(curves, chance), chance), chance)
     for _ in range(ROUNDS):
-        more = grown(curves, _loose(curves, pixel), chance, rest(curves), _least(chance))
+        more = grown(curves, _loose(curves, pixel), chance, rest(curves), _least(chance, EACH_GROWING))
         if not len(more):
             break
         curves = without_scraps(_brought_together(concatenated(curves, more), chance), chance)
@@ -76,13 +78,13 @@ def _brought_together(curves: Curves, chance: Chance) -> Curves:
 
 def likely(curves: Curves, chance: Chance) -> Curves:
     """The curves that are likelier to be there than to have come together by chance; all, if none is."""
-    kept = _evidence(curves, chance) > _least(chance)
+    kept = _evidence(curves, chance) > _least(chance, EACH_VIEW)
     return curves[torch.from_numpy(kept)] if kept.any() else curves
 
 
-def _least(chance: Chance) -> float:
-    """The evidence that curves have in the mean, natural logarithms."""
-    return min(LIKELY, EACH_VIEW * len(chance.views))
+def _least(chance: Chance, each: float) -> float:
+    """The evidence that curves have in the mean, where views are few so much a view: natural logarithms."""
+    return min(LIKELY, each * len(chance.views))
 
 
 def likelier(before: Curves, after: Curves, chance: Chance) -> Curves:

@@ -1,14 +1,16 @@
 """What a run of `diff3ds views` looks at: cameras, pictures, what is behind them, and the surface of what they show."""
 
+import math
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from diff3ds.camera import evenly_spaced
 from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
-from diff3ds.photogrammetry.find_project import NoCameras, project_of
+from diff3ds.photogrammetry.find_project import NoCameras, present_views, project_of
 from diff3ds.pictures.content.background import color_or_path, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
@@ -25,8 +27,11 @@ from diff3ds.tasks.views.beside_targets import PREVIEWS
 from diff3ds.tasks.views.network_maps.cut_out import cut_out
 from diff3ds.tasks.views.network_maps.detected_edges import detect_edges
 from diff3ds.tasks.views.placed import Placing, placing_of
-from diff3ds.tasks.views.views_options import ViewsOptions
+from diff3ds.tasks.views.views_options import SIZE, ViewsOptions
 
+# [pictures, px; empirical] Fewer photographs are kept larger, so that they have as many pixels as so many pictures of
+# `SIZE`, but no larger than this: what few views show is in their details.
+MANY, LARGEST = 50, 1024
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"
 
@@ -50,12 +55,29 @@ class Scene:
     surface: TriangleMesh | None
 
 
+def sized(source: Path | None, options: ViewsOptions) -> ViewsOptions:
+    """The options with the size of the pictures, which depends on how many photographs there are.
+
+    Raises:
+        FileNotFoundError, ValueError: as `project_of` and `present_views`.
+    """
+    if source is None or options.size is not None or options.pictures != "color-edges":
+        return replace(options, size=options.longest)
+    with warnings.catch_warnings():
+        # They are said when the pictures are read.
+        warnings.simplefilter("ignore")
+        found = project_of(source, options.pictures)
+        pictures = found.pictures if isinstance(found, NoCameras) else present_views(found, options.pictures)
+    size = min(round(SIZE * math.sqrt(MANY / max(len(pictures), 1))), LARGEST)
+    return replace(options, size=max(size, SIZE))
+
+
 def read_scene(
     source: Path | None, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]
 ) -> Scene:
     """Reads all that a run looks at, and says what a user should know of it before the fit."""
     path = _cameras_of(source, out, options, report, say) if source is not None else None
-    pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report, say)
+    pictures = demo_pictures(options.longest) if path is None else _pictures(path, out, options, report, say)
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
     placing = None if path is None else placing_of(path, options.pictures, options)
@@ -100,10 +122,10 @@ def _pictures(
 ) -> PosedPictures:
     told, edges, cut = _counted("read", report), options.edges, None
     if options.cut_out:
-        cut = cut_out(path, options.pictures, out, options.size, options.resume, report)
+        cut = cut_out(path, options.pictures, out, options.longest, options.resume, report)
     if options.detector == "hed":
-        edges = detect_edges(path, out, options.size, options.resume, report, say)
-    pictures = load_posed(path, options.target, options.size, out, options.masks, told, edges, cut)
+        edges = detect_edges(path, out, options.longest, options.resume, report, say)
+    pictures = load_posed(path, options.target, options.longest, out, options.masks, told, edges, cut)
     if cut is not None and pictures.target == "edges" and edges is None:
         raise ValueError(f"{path}: the pictures are line drawings, of which nothing is cut out: leave --cut-out out")
     return pictures
@@ -146,4 +168,4 @@ def _clean_plates(
         return None
     if path is None or pictures.target != "color":
         raise ValueError(f"{background}: a background picture is for --target color, not {pictures.target}")
-    return load_clean_plates(path, background, options.size, scratch, _counted("read backgrounds", report))
+    return load_clean_plates(path, background, options.longest, scratch, _counted("read backgrounds", report))

@@ -40,7 +40,7 @@ from diff3ds.tasks.views.edge_fit.refined_cameras import REFINED, save_refined
 from diff3ds.tasks.views.network_maps.cut_out import INSTEAD
 from diff3ds.tasks.views.placed import PLACED, along_lines
 from diff3ds.tasks.views.plan import Fitted
-from diff3ds.tasks.views.read_scene import Scene, read_scene, surface_of
+from diff3ds.tasks.views.read_scene import Scene, read_scene, sized, surface_of
 from diff3ds.tasks.views.views_options import ViewsOptions
 
 # Says in run.json how many strokes are outlines of the surface, where there are no others.
@@ -97,7 +97,8 @@ def run_views(
         times.begin(progress.stage)
         report(progress)
 
-    with output_folder(out), logged(out, timed, say) as (told, said), decoded_once(DECODED * options.size):
+    options = sized(source, options)
+    with output_folder(out), logged(out, timed, say) as (told, said), decoded_once(DECODED * options.longest):
         fitted = _run(source, out, options, given, told, said, times)
     if fitted.stopped:
         raise Stopped

@@ -18,6 +18,8 @@ Up = Literal["keep", "auto"]
 Bound = Literal["auto", "none"]
 # What finds edges in coloured pictures: the gradient of their colours, or a network.
 Detector = Literal["gradients", "hed"]
+# [px] Size of pictures.
+SIZE = 512
 # Of the distance of VGG16 that 3Doodle fits in; `diff3ds.metrics.vgg_distance` says what they are.
 Variant = Literal["3doodle", "standard"]
 
@@ -59,7 +61,8 @@ class ViewsOptions:
             of printed ArUco markers as aruco:7:0 (marker 7, corner 0 to 3).
         contours: the pictures' silhouettes, alpha or what the outlines of drawings close in, give a coarse surface as
             well, surface.glb, which hides lines and has contours: in the preview, and with "diff3ds render --hidden".
-        size: larger pictures are reduced to this many pixels along the longer side.
+        size: larger pictures are reduced to this many pixels along the longer side; by default 512, and with --target
+            color-edges more where there are fewer than 50 pictures, up to 1024 of 12 and fewer.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
         seed: of all random draws.
@@ -86,7 +89,7 @@ class ViewsOptions:
     scale: float | None = None
     between: tuple[str, str] | None = None
     contours: bool = False
-    size: int = 512
+    size: int | None = None
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
     page: PageOptions = NO_PAGE
@@ -129,6 +132,11 @@ class ViewsOptions:
     def pictures(self) -> Target | None:
         """What the pictures of the project are, from which edge maps may be apart."""
         return self.target if self.edges is None and self.detector == "gradients" else "color"
+
+    @property
+    def longest(self) -> int:
+        """Pixels along the longer side of the pictures, at most."""
+        return self.size or SIZE
 
     def refining(self, target: Target, estimated: bool) -> bool:
         """Whether cameras are moved.

@@ -85,7 +85,7 @@ def plan_color(
             "background": described(clean_plates or color),
             "strokes": options.strokes,
             "batch": options.batch or BATCH,
-            "size": options.size,
+            "size": options.longest,
             # Last: of what is cut out of another background the digest is another, too.
             "pictures": pictures.digest(),
         },

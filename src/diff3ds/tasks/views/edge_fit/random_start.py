@@ -52,7 +52,12 @@ def plan_random_edges(pictures: PosedPictures, options: ViewsOptions, checkpoint
         seed=options.seed,
         checkpoint=checkpoint,
         resume=options.resume,
-        identity={"pictures": pictures.digest(), "strokes": count, "batch": options.batch or 10, "size": options.size},
+        identity={
+            "pictures": pictures.digest(),
+            "strokes": count,
+            "batch": options.batch or 10,
+            "size": options.longest,
+        },
     )
     start = fresh(count, torch.Generator().manual_seed(options.seed))
     return Plan(pictures, frame, start, _ink_objective(pyramid), pyramid, config)
