@@ -13,16 +13,20 @@ from diff3ds.tasks.views.edge_fit.edges_of_pictures import most_views
 from diff3ds.tasks.views.views_options import ViewsOptions
 
 
-@pytest.fixture
-def clouds(tmp_path):
-    """The folder of three pictures of wide gray clouds: they show something, and no line."""
-    cameras = ds.orbit([0.0, 90.0, 180.0], 20.0, 2.6, size=64)
+def clouds_of(folder, count):
+    """The folder with so many pictures of wide gray clouds: they show something, and no line."""
+    cameras = ds.orbit([180.0 * k / count for k in range(count)], 20.0, 2.6, size=64)
     y, x = torch.meshgrid(torch.arange(64.0), torch.arange(64.0), indexing="ij")
     cloud = 1 - 0.9 * torch.exp(-((x - 32) ** 2 + (y - 32) ** 2) / 400)
-    for k in range(3):
-        save_png(tmp_path / f"{k}.png", cloud[..., None])
-    ds.save_transforms(tmp_path / "transforms.json", cameras, [f"{k}.png" for k in range(3)])
-    return tmp_path
+    for k in range(count):
+        save_png(folder / f"{k}.png", cloud[..., None])
+    ds.save_transforms(folder / "transforms.json", cameras, [f"{k}.png" for k in range(count)])
+    return folder
+
+
+@pytest.fixture
+def clouds(tmp_path):
+    return clouds_of(tmp_path, 3)
 
 
 def refused(folder, *options):
@@ -43,6 +47,12 @@ def test_options_that_change_nothing_are_named(clouds, capsys):
     assert ViewsOptions(init="random", steps=9, batch=2).unused("edges") == []
     assert ViewsOptions(init="random", steps=9, background="white").unused("color") == ["--init random"]
     assert ViewsOptions(steps=9, batch=2).unused("color-edges") == ["--steps 9", "--batch 2"]
+
+
+@pytest.mark.parametrize(("count", "said"), [(7, True), (8, False)])
+def test_few_pictures_are_said_to_be_few(tmp_path, capsys, count, said):
+    refused(clouds_of(tmp_path, count))
+    assert (f"{count} pictures are few: lines are told from chance" in capsys.readouterr().err) == said
 
 
 def test_the_width_of_lines_does_not_depend_on_threads():

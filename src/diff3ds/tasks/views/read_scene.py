@@ -32,6 +32,8 @@ from diff3ds.tasks.views.views_options import SIZE, ViewsOptions
 # [pictures, px; empirical] Fewer photographs are kept larger, so that they have as many pixels as so many pictures of
 # `SIZE`, but no larger than this: what few views show is in their details.
 MANY, LARGEST = 50, 1024
+# Pictures in which edges are looked for (docs/results/photographs.md).
+FEWEST = 8
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"
 
@@ -142,6 +144,12 @@ def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[s
     if unused := options.unused(target):
         how = target if target == "color" else f"{target} --init {options.init}"
         say(f"{', '.join(unused)}: no effect with --target {how}")
+    looked_for = target != "color" and options.init == "carve" and options.start is None
+    if looked_for and len(pictures) < FEWEST:
+        say(
+            f"{len(pictures)} pictures are few: lines are told from chance by the views that agree on them, so that "
+            f"many will be missing; {FEWEST} are the fewest that were measured"
+        )
     if pictures.masked and options.masks == "ignore" and not options.cut_out:
         some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
         say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
