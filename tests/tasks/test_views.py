@@ -188,8 +188,8 @@ def test_edges_of_coloured_pictures(tmp_path):
     main(["views", str(tmp_path), "--target", "color-edges", "-o", str(tmp_path / "out"), "--quiet"])
     run = json.loads((tmp_path / "out" / "run.json").read_text())
     assert run["target"] == "color-edges"
-    # Of 20 photographs: 512 sqrt(50 / 20) = 809.5.
-    assert run["options"]["size"] == 810
+    # Of 20 photographs: 512 22 / 20 = 563.2.
+    assert run["options"]["size"] == 563
     corners = torch.tensor([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half @ turn.T
     pairs = [(i, j) for i in range(8) for j in range(i) if (i ^ j) in (1, 2, 4)]
     truth = ds.Sketch(torch.stack([torch.stack([corners[i], corners[j]]) for i, j in pairs]))
@@ -201,7 +201,7 @@ def test_edges_of_coloured_pictures(tmp_path):
 
 
 @pytest.mark.parametrize("cameras", [True, False])
-@pytest.mark.parametrize(("count", "size"), [(3, 1024), (12, 1024), (18, 853), (50, 512), (72, 512)])
+@pytest.mark.parametrize(("count", "size"), [(3, 1024), (11, 1024), (18, 626), (22, 512), (50, 512)])
 def test_few_photographs_are_kept_larger(tmp_path, count, size, cameras):
     names = [f"{i}.png" for i in range(count)]
     for name in names:
@@ -210,7 +210,7 @@ def test_few_photographs_are_kept_larger(tmp_path, count, size, cameras):
         found = ds.orbit([360 * i / count for i in range(count)], 20, 2.6, size=8)
         ds.save_transforms(tmp_path / "transforms.json", found, names)
     edges = ViewsOptions(target="color-edges")
-    # As many pixels in all as 50 pictures of 512 have: 512 sqrt(50 / 18) = 853.3.
+    # Of 18: 512 22 / 18 = 625.8.
     assert sized(tmp_path, edges).size == size
     assert sized(tmp_path, replace(edges, size=300)).size == 300
     for target in (None, "edges", "color"):

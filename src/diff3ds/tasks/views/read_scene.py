@@ -1,6 +1,5 @@
 """What a run of `diff3ds views` looks at: cameras, pictures, what is behind them, and the surface of what they show."""
 
-import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,9 +28,9 @@ from diff3ds.tasks.views.network_maps.detected_edges import detect_edges
 from diff3ds.tasks.views.placed import Placing, placing_of
 from diff3ds.tasks.views.views_options import SIZE, ViewsOptions
 
-# [pictures, px; empirical] Fewer photographs are kept larger, so that they have as many pixels as so many pictures of
-# `SIZE`, but no larger than this: what few views show is in their details.
-MANY, LARGEST = 50, 1024
+# [pictures, px; empirical] Fewer photographs are kept larger, half as many twice as large, but no larger than this:
+# what few views show is in their details.
+MANY, LARGEST = 22, 1024
 # Pictures in which edges are looked for (docs/results/photographs.md).
 FEWEST = 8
 # Where cameras of photographs are kept.
@@ -70,7 +69,7 @@ def sized(source: Path | None, options: ViewsOptions) -> ViewsOptions:
         warnings.simplefilter("ignore")
         found = project_of(source, options.pictures)
         pictures = found.pictures if isinstance(found, NoCameras) else present_views(found, options.pictures)
-    size = min(round(SIZE * math.sqrt(MANY / max(len(pictures), 1))), LARGEST)
+    size = min(round(SIZE * MANY / max(len(pictures), 1)), LARGEST)
     return replace(options, size=max(size, SIZE))
 
 

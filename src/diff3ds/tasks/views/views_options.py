@@ -62,7 +62,7 @@ class ViewsOptions:
         contours: the pictures' silhouettes, alpha or what the outlines of drawings close in, give a coarse surface as
             well, surface.glb, which hides lines and has contours: in the preview, and with "diff3ds render --hidden".
         size: larger pictures are reduced to this many pixels along the longer side; by default 512, and with --target
-            color-edges and gradients more where there are fewer than 50 pictures, up to 1024 of 12 and fewer.
+            color-edges and gradients more where there are fewer than 22 pictures, up to 1024 of 11 and fewer.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
         seed: of all random draws.
